@@ -9,6 +9,7 @@ use stereolux::bvh::{MaterialMarks, MeshHierarchies};
 use stereolux::images::read_image;
 use stereolux::options::layers::Layers;
 use stereolux::scene::edit::{Document, Edit, NewContent, NewNode, Original, Placement};
+use stereolux::scene::gltf_writer::assemble;
 use stereolux::scene::{LightKind, Needs, PunctualLight, Scene, Trs, load_environment};
 use stereolux::viewer::window_state::WindowState;
 use stereolux::xr::validation::check_views;
@@ -21,60 +22,40 @@ use stereolux_report::journal::Journal;
 use super::mutate::{self, Random};
 use super::seeds;
 
-/// One of the formats, or of the sources of answers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Parser {
-    /// `.gltf`, its JSON changed as a tree.
-    GltfTree,
-    /// `.gltf`, its text changed.
-    GltfText,
-    /// `.glb`, its bytes changed, or the JSON in it.
-    Glb,
-    /// Pictures in a scene.
-    Textures,
-    /// Environment maps.
-    Environment,
-    /// Pictures that are compared.
-    Pictures,
-    /// Recordings.
-    Trace,
-    /// Headset profiles.
-    Headset,
-    /// Actions of an application.
-    Actions,
-    /// Files of settings.
-    Settings,
-    /// `--set`.
-    Set,
-    /// Journals of a bench.
-    Journal,
-    /// Layouts of the viewer.
-    Layout,
-    /// Edits of a scene.
-    Edits,
-    /// Poses, angles and masks of an XR runtime.
-    Runtime,
-}
-
-impl Parser {
-    /// All of them.
-    pub const ALL: [Self; 15] = [
-        Self::GltfTree,
-        Self::GltfText,
-        Self::Glb,
-        Self::Textures,
-        Self::Environment,
-        Self::Pictures,
-        Self::Trace,
-        Self::Headset,
-        Self::Actions,
-        Self::Settings,
-        Self::Set,
-        Self::Journal,
-        Self::Layout,
-        Self::Edits,
-        Self::Runtime,
-    ];
+stereolux_base::words! {
+    /// One of the formats, or of the sources of answers.
+    pub enum Parser: name {
+        /// `.gltf`, its JSON changed as a tree.
+        GltfTree = "GltfTree",
+        /// `.gltf`, its text changed.
+        GltfText = "GltfText",
+        /// `.glb`, its bytes changed, or the JSON in it.
+        Glb = "Glb",
+        /// Pictures in a scene.
+        Textures = "Textures",
+        /// Environment maps.
+        Environment = "Environment",
+        /// Pictures that are compared.
+        Pictures = "Pictures",
+        /// Recordings.
+        Trace = "Trace",
+        /// Headset profiles.
+        Headset = "Headset",
+        /// Actions of an application.
+        Actions = "Actions",
+        /// Files of settings.
+        Settings = "Settings",
+        /// `--set`.
+        Set = "Set",
+        /// Journals of a bench.
+        Journal = "Journal",
+        /// Layouts of the viewer.
+        Layout = "Layout",
+        /// Edits of a scene.
+        Edits = "Edits",
+        /// Poses, angles and masks of an XR runtime.
+        Runtime = "Runtime",
+    }
 }
 
 /// Feeds inputs to one parser.
@@ -129,7 +110,7 @@ impl Feeder {
             seeds,
             trees: seeds::documents(),
             scenes,
-            file: folder.join(format!("{parser:?}")),
+            file: folder.join(parser.name()),
         }
     }
 
@@ -306,15 +287,9 @@ fn with_other_json(glb: Vec<u8>, random: &mut Random) -> Vec<u8> {
         return glb;
     };
     mutate::json(&mut tree, random);
-    let mut json = tree.to_string().into_bytes();
-    json.resize(json.len().next_multiple_of(4), b' ');
-    let mut file = b"glTF\x02\0\0\0".to_vec();
-    file.extend(((20 + json.len() + rest.len()) as u32).to_le_bytes());
-    file.extend((json.len() as u32).to_le_bytes());
-    file.extend(b"JSON");
-    file.extend(json);
-    file.extend(rest);
-    file
+    // What follows is a chunk, behind its length and its kind.
+    let bin = rest.get(8..).unwrap_or_default().to_vec();
+    assemble(tree.to_string().into_bytes(), bin).unwrap_or_default()
 }
 
 /// A GLB whose one material shows a picture.
@@ -323,16 +298,7 @@ fn textured(picture: &[u8]) -> Vec<u8> {
         r#"{{"asset":{{"version":"2.0"}},"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],"meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"material":0}}]}}],"accessors":[{{"componentType":5126,"count":3,"type":"VEC3"}}],"materials":[{{"pbrMetallicRoughness":{{"baseColorTexture":{{"index":0}}}}}}],"textures":[{{"source":0}}],"images":[{{"bufferView":0}}],"bufferViews":[{{"buffer":0,"byteLength":{length}}}],"buffers":[{{"byteLength":{length}}}]}}"#,
         length = picture.len()
     );
-    let mut json = json.into_bytes();
-    json.resize(json.len().next_multiple_of(4), b' ');
-    let mut file = b"glTF\x02\0\0\0".to_vec();
-    file.extend(((28 + json.len() + picture.len()) as u32).to_le_bytes());
-    for (kind, data) in [(b"JSON", &json[..]), (b"BIN\0", picture)] {
-        file.extend((data.len() as u32).to_le_bytes());
-        file.extend(kind);
-        file.extend(data);
-    }
-    file
+    assemble(json.into_bytes(), picture.to_vec()).unwrap_or_default()
 }
 
 fn replay(path: &Path) -> bool {

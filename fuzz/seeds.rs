@@ -12,6 +12,7 @@ use stereolux::settings::{Quality, RenderSettings, Settings};
 use stereolux::viewer::window_state::WindowState;
 use stereolux::xr::trace;
 use stereolux::xr::{HandScript, Headset, Motion, Pose, SimulatedSession, XrSession as _};
+use stereolux_report::records::Row;
 
 /// Pictures of one kind.
 pub fn pictures(format: ImageFormat) -> Vec<Vec<u8>> {
@@ -248,17 +249,6 @@ pub fn layouts() -> Vec<Vec<u8>> {
 
 /// Journals of a bench.
 pub fn journals() -> Vec<Vec<u8>> {
-    let row = json!({
-        "key": "k", "suite": "s", "group": "g", "variant": "v", "scene": "c", "headset": "", "size": [8, 8], "eyes": "left",
-        "factors": {}, "settings": {},
-        "timing": { "clock": "device", "rounds": 3, "warm_up": 1, "ms": {}, "ratio": {}, "pass_ms": {} },
-        "errors": {}, "frame_noise": null, "stereo": null,
-        "load": {
-            "triangles": 1, "instances": 1, "lights": 1, "upload_bytes": 0, "photon_paths": 0, "photons_stored": 0,
-            "photons_dropped": 0, "radius_m": 0.1,
-        },
-        "machine": { "adapter": "a", "kind": "software", "backend": "b", "driver": "d", "software_adapter": true },
-        "version": "0", "code": "c",
-    });
+    let row = serde_json::to_string(&Row::default()).unwrap_or_default();
     vec![format!("{row}\n{row}\n").into_bytes()]
 }

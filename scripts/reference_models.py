@@ -428,7 +428,7 @@ def define_plugins(mi, dr):
             wo = mi.Vector3f(wo.x, wo.y, wo.z * turn)
             return finish(wo, pdf, value, kind, active, dr.select(reflects, 1.0, eta))
 
-    class Shaded(mi.BSDF):
+    class Shaded(Model):
         def __init__(self, props):
             mi.BSDF.__init__(self, props)
             self.nested = props["nested"]
@@ -464,12 +464,6 @@ def define_plugins(mi, dr):
             value, pdf = self.nested.eval_pdf(ctx, turned, inner, active)
             return value & active, pdf & active
 
-        def eval(self, ctx, si, wo, active=True):
-            return self.eval_pdf(ctx, si, wo, active)[0]
-
-        def pdf(self, ctx, si, wo, active=True):
-            return self.eval_pdf(ctx, si, wo, active)[1]
-
         def sample(self, ctx, si, sample1, sample2, active=True):
             turned, active = self.turned(si, mi.Bool(active))
             bs, weight = self.nested.sample(ctx, turned, sample1, sample2, active)
@@ -477,15 +471,6 @@ def define_plugins(mi, dr):
             bs.wo = si.to_local(turned.to_world(inner))
             active &= inner.z * bs.wo.z > 0
             return bs, weight & active
-
-        def eval_null_transmission(self, si, active=True):
-            return mi.Color3f(0)
-
-        def traverse(self, callback):
-            pass
-
-        def to_string(self):
-            return "Shaded[]"
 
     mi.register_texture("slot", Slot)
     mi.register_bsdf("gltf", Gltf)

@@ -22,7 +22,7 @@ use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::images::Image;
 use crate::renderer::{Eye, FrameResult, MapStats, Renderer};
 use crate::scene::Scene;
-use crate::settings::{Eyes, Kept, RenderSettings, Settings, registry};
+use crate::settings::{Choice as _, Eyes, Kept, RenderSettings, Settings, registry};
 use crate::xr::{
     Headset, Motion, Pose, Recorder, ReplayOptions, ReplaySession, SimulatedSession, View, XrError,
     all_frames,
@@ -419,12 +419,7 @@ impl<'a> Lab<'a> {
                     scene: plan.scene.name(),
                     headset: plan.headset_label.clone(),
                     size: plan.size,
-                    eyes: match plan.eyes {
-                        Eyes::Both => "both",
-                        Eyes::Left => "left",
-                        Eyes::Right => "right",
-                    }
-                    .to_owned(),
+                    eyes: plan.eyes.word().to_owned(),
                     factors: candidate.factors.clone(),
                     settings: differing_settings(&self.settings_of(plan, candidate)),
                     timing: own.timing(first, renderer, plan.rounds, warm_up),
@@ -527,7 +522,7 @@ fn recorded_sway(path: &Path, plan: &GroupPlan, start: Pose) -> Result<Vec<[View
     let frames = u64::from(plan.rounds);
     let sway =
         SimulatedSession::new(plan.headset.clone(), Motion::Sway, start, Some(frames)).with_seed(1);
-    let mut recorder = Recorder::create(path, sway)?;
+    let mut recorder = Recorder::create(path, Box::new(sway))?;
     all_frames(&mut recorder, usize::MAX)?;
     drop(recorder);
     let options = ReplayOptions::new(plan.headset.clone(), start);

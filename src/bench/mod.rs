@@ -296,10 +296,15 @@ fn take_part(plans: &mut Vec<GroupPlan>, [number, of]: [u32; 2]) -> Part {
 /// # Errors
 /// [`BenchError::Report`], [`BenchError::File`], [`BenchError::Out`].
 pub fn merge(reports: &[(PathBuf, String)], out: &Path) -> Result<Outcome, BenchError> {
-    let joined = join(reports)?;
+    let (head, rows) = join(reports)?;
     make_folder(out)?;
-    let report = joined.report();
-    Journal::open(&out.join("journal.jsonl"))?.append(report.rows)?;
+    Journal::open(&out.join("journal.jsonl"))?.append(&rows)?;
+    let report = Report {
+        head,
+        part: None,
+        unfinished: None,
+        rows: &rows,
+    };
     write(out, &report)?;
     Ok(outcome(out, &report, 0))
 }

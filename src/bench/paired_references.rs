@@ -52,7 +52,11 @@ pub fn relative_square(differences: &Differences, references: &References) -> f6
 
 /// How much the error has changed from a frame to the next, squared: one that stays does not flicker.
 pub fn change_square(now: &Differences, before: &Differences) -> f64 {
-    let changed = [0, 1].map(|one: usize| subtract(&now[one], before[one].iter()));
+    let changed = [0, 1].map(|one: usize| -> Vec<[f64; 3]> {
+        let pixels = now[one].iter().zip(&before[one]);
+        let change = pixels.map(|(a, b)| std::array::from_fn(|c| a[c] - b[c]));
+        change.collect()
+    });
     mean_product(&changed[0], &changed[1])
 }
 
@@ -102,13 +106,6 @@ fn interpolated(
         }
     }
     Some(sum)
-}
-
-fn subtract<'a>(one: &[[f64; 3]], other: impl IntoIterator<Item = &'a [f64; 3]>) -> Vec<[f64; 3]> {
-    one.iter()
-        .zip(other)
-        .map(|(a, b)| std::array::from_fn(|c| a[c] - b[c]))
-        .collect()
 }
 
 #[cfg(test)]

@@ -78,8 +78,6 @@ pub struct ReferenceSpec<'a> {
 pub struct Reference {
     /// Mean and spread of its batches.
     pub moments: RenderMoments,
-    /// Samples per pixel, all batches together.
-    pub samples: u32,
     /// Whether it stopped at the cap, short of what was asked for.
     pub capped: bool,
 }
@@ -237,7 +235,6 @@ impl References {
             write(&path, &key, &moments)?;
         }
         Ok(Reference {
-            samples: moments.count * per_batch,
             capped: missing(&moments),
             moments,
         })

@@ -260,13 +260,6 @@ fn indirect() -> Scene {
     let (h, top) = (HALF_FLOOR_M, 2.6);
     let corner = DVec3::new(-h, 0.0, -h);
     let [x, y, z] = [DVec3::X * 2.0 * h, DVec3::Y * top, DVec3::Z * 2.0 * h];
-    let quads = |name: &str, material, quads: &[[DVec3; 3]]| {
-        let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-        for [corner, u, v] in quads {
-            push_quad(&mut vertices, &mut triangles, *corner, *u, *v);
-        }
-        mesh(name, vertices, triangles, material)
-    };
     scene.meshes.push(quads(
         "floor, ceiling, back and front",
         0,
@@ -468,50 +461,47 @@ fn floor(quads: u32) -> Mesh {
     mesh("floor", vertices, triangles, 0)
 }
 
-fn push_quad(
-    vertices: &mut Vec<([f32; 3], [f32; 3])>,
-    triangles: &mut Vec<[u32; 3]>,
-    corner: DVec3,
-    u: DVec3,
-    v: DVec3,
-) {
-    let normal = u.cross(v).normalize().as_vec3().to_array();
-    let first = vertices.len() as u32;
-    for point in [corner, corner + u, corner + u + v, corner + v] {
-        vertices.push((point.as_vec3().to_array(), normal));
+/// A mesh of quads: a corner and the edges from it, the faces to where they turn against the clock.
+fn quads(name: &str, material: u32, sides: &[[DVec3; 3]]) -> Mesh {
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    for &[corner, u, v] in sides {
+        let normal = u.cross(v).normalize().as_vec3().to_array();
+        let first = vertices.len() as u32;
+        for point in [corner, corner + u, corner + u + v, corner + v] {
+            vertices.push((point.as_vec3().to_array(), normal));
+        }
+        triangles.push([first, first + 1, first + 2]);
+        triangles.push([first, first + 2, first + 3]);
     }
-    triangles.push([first, first + 1, first + 2]);
-    triangles.push([first, first + 2, first + 3]);
+    mesh(name, vertices, triangles, material)
 }
 
 /// Back wall and both side walls.
 fn walls() -> Mesh {
-    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-    let (h, up) = (HALF_FLOOR_M, DVec3::Y * (HEIGHT_M + 1.0));
-    let low = -1.0;
-    let mut quad = |corner, u| push_quad(&mut vertices, &mut triangles, corner, u, up);
-    quad(DVec3::new(-h, low, -h), DVec3::X * 2.0 * h);
-    quad(DVec3::new(-h, low, h), DVec3::NEG_Z * 2.0 * h);
-    quad(DVec3::new(h, low, -h), DVec3::Z * 2.0 * h);
-    mesh("walls", vertices, triangles, 1)
+    let (h, low, up) = (HALF_FLOOR_M, -1.0, DVec3::Y * (HEIGHT_M + 1.0));
+    let sides = [
+        [DVec3::new(-h, low, -h), DVec3::X * 2.0 * h, up],
+        [DVec3::new(-h, low, h), DVec3::NEG_Z * 2.0 * h, up],
+        [DVec3::new(h, low, -h), DVec3::Z * 2.0 * h, up],
+    ];
+    quads("walls", 1, &sides)
 }
 
 /// The cube from (-1/2, 0, -1/2) to (1/2, 1, 1/2).
 fn cube() -> Mesh {
-    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-    for (normal, u) in [
+    let sides = [
         (DVec3::X, DVec3::Y),
         (DVec3::NEG_X, DVec3::Y),
         (DVec3::Y, DVec3::Z),
         (DVec3::NEG_Y, DVec3::Z),
         (DVec3::Z, DVec3::X),
         (DVec3::NEG_Z, DVec3::X),
-    ] {
+    ];
+    let side = |(normal, u): (DVec3, DVec3)| {
         let v = normal.cross(u);
-        let corner = DVec3::new(0.0, 0.5, 0.0) + 0.5 * (normal - u - v);
-        push_quad(&mut vertices, &mut triangles, corner, u, v);
-    }
-    mesh("box", vertices, triangles, 2)
+        [DVec3::new(0.0, 0.5, 0.0) + 0.5 * (normal - u - v), u, v]
+    };
+    quads("box", 2, &sides.map(side))
 }
 
 #[cfg(test)]

@@ -342,7 +342,6 @@ mod tests {
         }
         Reference {
             moments,
-            samples: 2,
             capped: false,
         }
     }
@@ -427,7 +426,6 @@ mod tests {
                 None,
                 Some(Reference {
                     moments: noisy,
-                    samples: 2,
                     capped: true,
                 }),
             ],

@@ -3,7 +3,7 @@
 
 use std::mem::offset_of;
 
-use stereolux_report::work::{ASSUMED, WorkRow, files};
+use stereolux_report::work::{WorkRow, files};
 
 use super::scenes::SceneSource;
 use super::{BenchError, BenchProgress, Outcome, circumstances, go_on, scenes_or_two, write_table};
@@ -161,9 +161,7 @@ fn rows_of(
         size_of::<SortedPhoton>() - place,
     ];
     let records = records.map(|bytes| bytes as f64);
-    rows.into_iter()
-        .map(|row| row.predicted(records, &ASSUMED))
-        .collect()
+    rows.into_iter().map(|row| row.predicted(records)).collect()
 }
 
 /// Instructions of a pass's code on RDNA 3 for the listed scene that is most like this one; 0 if the pass is not listed.

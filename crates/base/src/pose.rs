@@ -1,9 +1,10 @@
 //! Where something is and how it is turned.
 
 use glam::{DAffine3, DQuat, DVec3};
+use serde::Serialize;
 
 /// A rigid pose: the frame that it places, seen from the frame that it is placed in.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Pose {
     /// Origin, metres.
     pub position: DVec3,

@@ -6,7 +6,7 @@
 use openxr_sys as xr;
 use xr::Result as R;
 
-use super::{asked_for, state};
+use super::{asked_for, posef, state};
 
 /// What offers the extension.
 const OFFERED: [&str; 3] = [
@@ -19,19 +19,7 @@ const KNOWN_FROM: u64 = 3;
 const KEY: u64 = 7;
 
 /// Where the right hand's grip is, and aims: before the head's start, turned about an axis that is none of its own.
-pub const GRIP: xr::Posef = xr::Posef {
-    orientation: xr::Quaternionf {
-        x: 0.48,
-        y: 0.6,
-        z: 0.0,
-        w: 0.64,
-    },
-    position: xr::Vector3f {
-        x: 0.02,
-        y: -0.01,
-        z: -0.3,
-    },
-};
+pub const GRIP: xr::Posef = posef([0.48, 0.6, 0.0, 0.64], [0.02, -0.01, -0.3]);
 
 /// Corners of the wedge in the grip, metres: two triangles, of which the second is the larger, as its ends.
 const CORNERS: [[f32; 3]; 6] = [

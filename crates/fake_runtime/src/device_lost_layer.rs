@@ -196,20 +196,36 @@ unsafe fn following(name: &CStr) -> vk::PFN_vkVoidFunction {
     function(next.device_handle, name.as_ptr())
 }
 
-/// Calls the next layer's function unless the device is lost.
+/// Functions that call the next layer's of that name unless the device is lost.
 macro_rules! unless_lost {
-    ($kind:ident, $name:literal, $($argument:expr),*) => {{
-        if IS_LOST.load(Ordering::SeqCst) {
-            return vk::Result::ERROR_DEVICE_LOST;
-        }
-        match following($name) {
-            None => vk::Result::ERROR_INITIALIZATION_FAILED,
-            Some(function) => {
-                let function = std::mem::transmute::<unsafe extern "system" fn(), vk::$kind>(function);
-                function($($argument),*)
+    ($($own:ident($($argument:ident: $of:ty),+) is $kind:ident $name:literal;)+) => {$(
+        unsafe extern "system" fn $own($($argument: $of),+) -> vk::Result {
+            if IS_LOST.load(Ordering::SeqCst) {
+                return vk::Result::ERROR_DEVICE_LOST;
+            }
+            match following($name) {
+                None => vk::Result::ERROR_INITIALIZATION_FAILED,
+                Some(function) => {
+                    let function = std::mem::transmute::<unsafe extern "system" fn(), vk::$kind>(function);
+                    function($($argument),+)
+                }
             }
         }
-    }};
+    )+};
+}
+
+unless_lost! {
+    submit_on(queue: vk::Queue, count: u32, submits: *const vk::SubmitInfo<'_>, fence: vk::Fence)
+        is PFN_vkQueueSubmit c"vkQueueSubmit";
+    wait_for_fences(device: vk::Device, count: u32, fences: *const vk::Fence, all: vk::Bool32, timeout: u64)
+        is PFN_vkWaitForFences c"vkWaitForFences";
+    fence_status(device: vk::Device, fence: vk::Fence) is PFN_vkGetFenceStatus c"vkGetFenceStatus";
+    wait_semaphores(device: vk::Device, info: *const vk::SemaphoreWaitInfo<'_>, timeout: u64)
+        is PFN_vkWaitSemaphores c"vkWaitSemaphores";
+    semaphore_value(device: vk::Device, semaphore: vk::Semaphore, value: *mut u64)
+        is PFN_vkGetSemaphoreCounterValue c"vkGetSemaphoreCounterValue";
+    device_wait_idle(device: vk::Device) is PFN_vkDeviceWaitIdle c"vkDeviceWaitIdle";
+    queue_wait_idle(queue: vk::Queue) is PFN_vkQueueWaitIdle c"vkQueueWaitIdle";
 }
 
 unsafe extern "system" fn queue_submit(
@@ -231,70 +247,5 @@ unsafe extern "system" fn queue_submit(
         }
         IS_LOST.store(true, Ordering::SeqCst);
     }
-    unless_lost!(
-        PFN_vkQueueSubmit,
-        c"vkQueueSubmit",
-        queue,
-        count,
-        submits,
-        fence
-    )
-}
-
-unsafe extern "system" fn wait_for_fences(
-    device: vk::Device,
-    count: u32,
-    fences: *const vk::Fence,
-    all: vk::Bool32,
-    timeout: u64,
-) -> vk::Result {
-    unless_lost!(
-        PFN_vkWaitForFences,
-        c"vkWaitForFences",
-        device,
-        count,
-        fences,
-        all,
-        timeout
-    )
-}
-
-unsafe extern "system" fn fence_status(device: vk::Device, fence: vk::Fence) -> vk::Result {
-    unless_lost!(PFN_vkGetFenceStatus, c"vkGetFenceStatus", device, fence)
-}
-
-unsafe extern "system" fn wait_semaphores(
-    device: vk::Device,
-    info: *const vk::SemaphoreWaitInfo<'_>,
-    timeout: u64,
-) -> vk::Result {
-    unless_lost!(
-        PFN_vkWaitSemaphores,
-        c"vkWaitSemaphores",
-        device,
-        info,
-        timeout
-    )
-}
-
-unsafe extern "system" fn semaphore_value(
-    device: vk::Device,
-    semaphore: vk::Semaphore,
-    value: *mut u64,
-) -> vk::Result {
-    unless_lost!(
-        PFN_vkGetSemaphoreCounterValue,
-        c"vkGetSemaphoreCounterValue",
-        device,
-        semaphore,
-        value
-    )
-}
-
-unsafe extern "system" fn device_wait_idle(device: vk::Device) -> vk::Result {
-    unless_lost!(PFN_vkDeviceWaitIdle, c"vkDeviceWaitIdle", device)
-}
-
-unsafe extern "system" fn queue_wait_idle(queue: vk::Queue) -> vk::Result {
-    unless_lost!(PFN_vkQueueWaitIdle, c"vkQueueWaitIdle", queue)
+    submit_on(queue, count, submits, fence)
 }

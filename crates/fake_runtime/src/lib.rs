@@ -93,7 +93,7 @@ pub(crate) struct State {
     session: Session,
     session_before: u64,
     pub(crate) vulkan: Option<vulkan::Device>,
-    pub(crate) swapchains: Vec<vulkan::Swapchain>,
+    pub(crate) swapchains: BTreeMap<u64, vulkan::Swapchain>,
 }
 
 /// What begins anew with each session.
@@ -140,7 +140,7 @@ static STATE: Mutex<State> = Mutex::new(State {
     session: Session::new(0),
     session_before: 0,
     vulkan: None,
-    swapchains: Vec::new(),
+    swapchains: BTreeMap::new(),
 });
 
 pub(crate) fn state() -> MutexGuard<'static, State> {
@@ -194,8 +194,13 @@ macro_rules! check {
     };
 }
 
+/// The one behaviour that is asked for.
+fn asked() -> String {
+    std::env::var("FAKE_RUNTIME").unwrap_or_default()
+}
+
 fn asked_for(what: &str) -> bool {
-    std::env::var("FAKE_RUNTIME").is_ok_and(|asked| asked == what)
+    asked() == what
 }
 
 /// Fills `out` by OpenXR's two-call idiom.
@@ -334,36 +339,31 @@ unsafe extern "system" fn enumerate_extensions(
     count: *mut u32,
     out: *mut xr::ExtensionProperties,
 ) -> R {
-    let offered: &[&str] = if asked_for("no_vulkan") {
-        &["XR_KHR_opengl_enable"]
-    } else if asked_for("wild_rates") || asked_for("no_rates") {
-        &["XR_KHR_vulkan_enable2", "XR_FB_display_refresh_rate"]
-    } else if asked_for("profiles") {
-        &[
-            "XR_KHR_vulkan_enable2",
+    const VULKAN: &str = "XR_KHR_vulkan_enable2";
+    let offered: &[&str] = match asked().as_str() {
+        "no_vulkan" => &["XR_KHR_opengl_enable"],
+        "wild_rates" | "no_rates" => &[VULKAN, "XR_FB_display_refresh_rate"],
+        "profiles" => &[
+            VULKAN,
             "XR_META_touch_controller_plus",
             "XR_EXT_hand_interaction",
-        ]
-    } else if asked_for("changes") {
-        &[
-            "XR_KHR_vulkan_enable2",
+        ],
+        "changes" => &[
+            VULKAN,
             "XR_FB_display_refresh_rate",
             "XR_KHR_visibility_mask",
-        ]
-    } else if offers_trackers() {
-        &[
-            "XR_KHR_vulkan_enable2",
+        ],
+        "trackers" | "no_trackers" | "refused_trackers" | "wild_joints" => &[
+            VULKAN,
             "XR_EXT_hand_tracking",
             "XR_EXT_eye_gaze_interaction",
-        ]
-    } else if controller_model::is_offered() {
-        &["XR_KHR_vulkan_enable2", "XR_MSFT_controller_model"]
-    } else if has_layered_room() || asked_for("no_room") {
-        &["XR_KHR_vulkan_enable2", "XR_FB_passthrough"]
-    } else if asked_for("wild_mask") {
-        &["XR_KHR_vulkan_enable2", "XR_KHR_visibility_mask"]
-    } else {
-        &["XR_KHR_vulkan_enable2"]
+        ],
+        "room_layered" | "refused_room" | "room_taken" | "no_room" => {
+            &[VULKAN, "XR_FB_passthrough"]
+        }
+        "wild_mask" => &[VULKAN, "XR_KHR_visibility_mask"],
+        _ if controller_model::is_offered() => &[VULKAN, "XR_MSFT_controller_model"],
+        _ => &[VULKAN],
     };
     fill(offered, capacity, count, |index, name| {
         put_text(&mut (*out.add(index)).extension_name, name);
@@ -789,17 +789,7 @@ unsafe extern "system" fn locate_space(
     } else {
         xr::SpaceLocationFlags::EMPTY
     };
-    (*out).pose.position = xr::Vector3f {
-        x: f32::NAN,
-        y: f32::INFINITY,
-        z: 0.0,
-    };
-    (*out).pose.orientation = xr::Quaternionf {
-        x: 0.0,
-        y: 0.0,
-        z: 0.0,
-        w: 0.0,
-    };
+    (*out).pose = posef([0.0; 4], [f32::NAN, f32::INFINITY, 0.0]);
     R::SUCCESS
 }
 
@@ -812,42 +802,31 @@ fn tracked() -> xr::SpaceLocationFlags {
 }
 
 /// Where the gaze of `trackers` is: ahead of the head's start and turned left by 2 asin 0.6.
-pub const GAZE: xr::Posef = xr::Posef {
-    orientation: xr::Quaternionf {
-        x: 0.0,
-        y: 0.6,
-        z: 0.0,
-        w: 0.8,
-    },
-    position: xr::Vector3f {
-        x: 0.0,
-        y: 0.25,
-        z: -0.125,
-    },
-};
+pub const GAZE: xr::Posef = posef([0.0, 0.6, 0.0, 0.8], [0.0, 0.25, -0.125]);
+
+pub(crate) const fn posef([x, y, z, w]: [f32; 4], at: [f32; 3]) -> xr::Posef {
+    let [at_x, at_y, at_z] = at;
+    xr::Posef {
+        orientation: xr::Quaternionf { x, y, z, w },
+        position: xr::Vector3f {
+            x: at_x,
+            y: at_y,
+            z: at_z,
+        },
+    }
+}
 
 /// Where a joint of `trackers` is; `hand` is 0 for the left and 1 for the right one, and all joints turn as [`GAZE`].
 #[must_use]
 pub fn joint_at(hand: usize, joint: usize) -> xr::Posef {
-    xr::Posef {
-        position: xr::Vector3f {
-            x: if hand == 0 { -0.25 } else { 0.25 },
-            y: joint as f32 / 64.0,
-            z: -0.5,
-        },
-        ..GAZE
-    }
+    let x = if hand == 0 { -0.25 } else { 0.25 };
+    posef([0.0, 0.6, 0.0, 0.8], [x, joint as f32 / 64.0, -0.5])
 }
 
 /// Whether `trackers` tracks all in a frame; the first waited for is 1.
 #[must_use]
 pub fn is_tracked(frame: u64) -> bool {
     frame % 3 == 1
-}
-
-fn offers_trackers() -> bool {
-    let behaviours = ["trackers", "no_trackers", "refused_trackers", "wild_joints"];
-    behaviours.into_iter().any(asked_for)
 }
 
 /// A tracker's handle says which hand it is of.
@@ -1097,19 +1076,8 @@ unsafe extern "system" fn locate_views(
         &[-0.032, 0.032]
     };
     fill(eyes, capacity, count, |index, x| {
-        (*out.add(index)).pose = xr::Posef {
-            orientation: xr::Quaternionf {
-                x: if is_nowhere { f32::NAN } else { 0.0 },
-                y: 0.0,
-                z: 0.0,
-                w: 1.0,
-            },
-            position: xr::Vector3f {
-                x: *x,
-                y: 0.0,
-                z: 0.0,
-            },
-        };
+        let turn = if is_nowhere { f32::NAN } else { 0.0 };
+        (*out.add(index)).pose = posef([turn, 0.0, 0.0, 1.0], [*x, 0.0, 0.0]);
         (*out.add(index)).fov = xr::Fovf {
             angle_left: -0.7,
             angle_right: 0.7,

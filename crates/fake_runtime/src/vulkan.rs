@@ -21,7 +21,6 @@ pub(crate) struct Device {
 
 /// Images that the runtime owns.
 pub(crate) struct Swapchain {
-    handle: u64,
     images: Vec<(vk::Image, vk::DeviceMemory)>,
     acquired: usize,
 }
@@ -194,25 +193,20 @@ pub(crate) unsafe extern "system" fn create_swapchain(
         return R::ERROR_RUNTIME_FAILURE;
     };
     let handle = state.handle();
-    state.swapchains.push(Swapchain {
-        handle,
+    let made = Swapchain {
         images,
         acquired: 0,
-    });
+    };
+    state.swapchains.insert(handle, made);
     out.write(xr::Swapchain::from_raw(handle));
     R::SUCCESS
 }
 
 pub(crate) unsafe extern "system" fn destroy_swapchain(swapchain: xr::Swapchain) -> R {
     let mut state = state();
-    let Some(place) = state
-        .swapchains
-        .iter()
-        .position(|known| known.handle == swapchain.into_raw())
-    else {
+    let Some(Swapchain { images, .. }) = state.swapchains.remove(&swapchain.into_raw()) else {
         return R::ERROR_HANDLE_INVALID;
     };
-    let images = state.swapchains.remove(place).images;
     if let Some(device) = state
         .vulkan
         .as_ref()
@@ -233,11 +227,7 @@ pub(crate) unsafe extern "system" fn swapchain_images(
     out: *mut xr::SwapchainImageBaseHeader,
 ) -> R {
     let state = state();
-    let Some(found) = state
-        .swapchains
-        .iter()
-        .find(|known| known.handle == swapchain.into_raw())
-    else {
+    let Some(found) = state.swapchains.get(&swapchain.into_raw()) else {
         return R::ERROR_HANDLE_INVALID;
     };
     let out = out.cast::<xr::SwapchainImageVulkanKHR>();
@@ -256,11 +246,7 @@ pub(crate) unsafe extern "system" fn acquire_image(
     if state.session.is_lost {
         return R::ERROR_SESSION_LOST;
     }
-    let Some(found) = state
-        .swapchains
-        .iter_mut()
-        .find(|known| known.handle == swapchain.into_raw())
-    else {
+    let Some(found) = state.swapchains.get_mut(&swapchain.into_raw()) else {
         return R::ERROR_HANDLE_INVALID;
     };
     out.write((found.acquired % IMAGES) as u32);

@@ -1,6 +1,6 @@
 //! What the rows say together: Pareto fronts, equal time, equal error, fitted exponents, the cost of filling.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use serde::Serialize;
 
@@ -123,8 +123,16 @@ pub fn analyse(rows: &[Row]) -> Analysis {
     }
 }
 
-pub(crate) fn distinct<T: Ord>(values: impl Iterator<Item = T>) -> Vec<T> {
-    values.collect::<BTreeSet<_>>().into_iter().collect()
+/// Rows or what follows from them, in groups by rising key.
+pub(crate) fn grouped<T: Copy, K: Ord>(
+    items: impl IntoIterator<Item = T>,
+    key: impl Fn(T) -> K,
+) -> BTreeMap<K, Vec<T>> {
+    let mut groups = BTreeMap::<K, Vec<T>>::new();
+    for item in items {
+        groups.entry(key(item)).or_default().push(item);
+    }
+    groups
 }
 
 /// Two figures of each row that has both, by the first, rising.
@@ -139,21 +147,14 @@ pub(crate) fn points<'a>(
 }
 
 fn fill_cost(rows: &[Row]) -> Vec<FillCost> {
-    let reusing: Vec<&Row> = rows
+    let reusing = rows
         .iter()
-        .filter(|row| row.suite == "stereo" && row.ms("fill").is_some())
-        .collect();
-    let pairs = distinct(
-        reusing
-            .iter()
-            .map(|row| (row.scene.clone(), row.text("reuse"))),
-    );
-    pairs
+        .filter(|row| row.suite == "stereo" && row.ms("fill").is_some());
+    grouped(reusing, |row| (row.scene.clone(), row.text("reuse")))
         .into_iter()
-        .filter_map(|(scene, reuse)| {
-            let members = reusing.iter().copied();
+        .filter_map(|((scene, reuse), members)| {
             let points = points(
-                members.filter(|row| row.scene == scene && row.text("reuse") == reuse),
+                members.into_iter(),
                 |row| Some(row.stereo.as_ref()?.filled),
                 |row| row.ms("fill"),
             );
@@ -196,13 +197,10 @@ fn levels(low: f64, high: f64) -> Vec<f64> {
 }
 
 fn pareto(rows: &[Row]) -> Vec<ParetoScene> {
-    let of_suite = || rows.iter().filter(|row| row.suite == "pareto");
-    distinct(of_suite().map(|row| row.scene.clone()))
+    let of_suite = rows.iter().filter(|row| row.suite == "pareto");
+    grouped(of_suite, |row| &row.scene)
         .into_iter()
-        .map(|scene| {
-            let members: Vec<&Row> = of_suite().filter(|row| row.scene == scene).collect();
-            pareto_scene(scene, &members)
-        })
+        .map(|(scene, members)| pareto_scene(scene.clone(), &members))
         .collect()
 }
 
@@ -211,6 +209,12 @@ fn pareto_scene(scene: String, members: &[&Row]) -> ParetoScene {
         let rows = members.iter().copied();
         rows.filter(|row| row.text("method") == method).collect()
     };
+    // A path tracer per number of light candidates: between the samples of one its error falls as 1 / time.
+    let paths = grouped(of_method("path"), |row| row.text("light_candidates"));
+    let paths: Vec<_> = paths
+        .into_values()
+        .map(|rows| points(rows.into_iter(), frame_ms, |row| row.rel_mse("left")))
+        .collect();
     let measured = || members.iter().filter(|row| row.text("method") != "anchor");
     let points: Vec<FrontPoint> = measured().filter_map(|row| front_point(row)).collect();
     let places: Vec<(f64, f64)> = points.iter().map(|p| (p.ms, p.rel_mse)).collect();
@@ -226,17 +230,6 @@ fn pareto_scene(scene: String, members: &[&Row]) -> ParetoScene {
         .into_iter()
         .filter_map(front_point)
         .collect();
-    // A path tracer per number of light candidates: between the samples of one its error falls as 1 / time.
-    let mut paths = BTreeMap::<String, Vec<(f64, f64)>>::new();
-    for row in of_method("path") {
-        let point = front_point(row).map(|point| (point.ms, point.rel_mse));
-        let path = paths.entry(row.text("light_candidates")).or_default();
-        path.extend(point);
-    }
-    let mut paths: Vec<_> = paths.into_values().collect();
-    for path in &mut paths {
-        path.sort_by(|a, b| a.0.total_cmp(&b.0));
-    }
     let anchors: Vec<f64> = of_method("anchor")
         .into_iter()
         .filter_map(frame_ms)
@@ -320,7 +313,7 @@ fn path_error_at(path: &[(f64, f64)], ms: f64) -> Option<f64> {
 const COSTS: [&str; 4] = ["frame", "left", "photons", "host_frame"];
 
 fn growth(rows: &[Row]) -> Vec<Growth> {
-    let of_suite: Vec<&Row> = rows.iter().filter(|row| row.suite == "scaling").collect();
+    let of_suite = rows.iter().filter(|row| row.suite == "scaling");
     // Generated scenes change their name with their size; what stays is the series.
     let scene_of = |row: &Row| {
         let generated = row.scene.starts_with(GENERATED);
@@ -333,12 +326,7 @@ fn growth(rows: &[Row]) -> Vec<Growth> {
     };
     let line_of = |row: &Row| (row.text("series"), scene_of(row), variant_of(row));
     let mut all = Vec::new();
-    for line in distinct(of_suite.iter().map(|row| line_of(row))) {
-        let members: Vec<&Row> = of_suite
-            .iter()
-            .copied()
-            .filter(|row| line_of(row) == line)
-            .collect();
+    for (line, members) in grouped(of_suite, line_of) {
         let (_, scene, variant) = &line;
         let mut costs = COSTS.to_vec();
         // Only the generated rooms are seen by a head that moves, and the host's work is the same for both methods.

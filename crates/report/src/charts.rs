@@ -1,8 +1,8 @@
 //! The plots of a report.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
-use crate::analysis::{Analysis, FillCost, Growth, ParetoScene};
+use crate::analysis::{Analysis, FillCost, Growth, ParetoScene, grouped};
 use crate::plot::{Chart, Mark, Point, Reading, Series};
 use crate::records::{BOX_WIDTH_IN_TABLE_UNITS, Machine, Row};
 use crate::statistics::Estimate;
@@ -112,18 +112,6 @@ fn series(label: impl Into<String>, points: Vec<Point>, mark: Mark, color: usize
         mark,
         color,
     }
-}
-
-/// Rows or what follows from them, in groups by rising key.
-fn grouped<T: Copy, K: Ord>(
-    items: impl IntoIterator<Item = T>,
-    key: impl Fn(T) -> K,
-) -> BTreeMap<K, Vec<T>> {
-    let mut groups = BTreeMap::<K, Vec<T>>::new();
-    for item in items {
-        groups.entry(key(item)).or_default().push(item);
-    }
-    groups
 }
 
 /// What tells a row of `pareto` from others, but for what its dot's name says.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use crate::Report;
 use crate::analysis::{
-    Analysis, EqualError, EqualTime, FillCost, FrontPoint, Growth, ParetoScene, frame_ms,
+    Analysis, EqualError, EqualTime, FillCost, FrontPoint, Growth, ParetoScene, frame_ms, grouped,
 };
 use crate::cells::{
     Table, digits, estimate, ms, optional, or_dash, quartiles, rel_mse, rel_mse_ratio, size,
@@ -12,7 +12,7 @@ use crate::cells::{
 };
 use crate::records::{BOX_WIDTH_IN_TABLE_UNITS, DEFAULT_WAY, REBUILT, RegionErrors, Row};
 use crate::report_2020::{PrintedRow, printed};
-use crate::statistics::{LineFit, PowerFit};
+use crate::statistics::{Estimate, LineFit, PowerFit};
 use crate::summary::summary;
 
 /// Blocks of text, each under a line `%% name`; `{key}` stands for a value.
@@ -161,7 +161,6 @@ fn tables(_: &Report<'_>, rows: &[&Row], _: &Analysis) -> String {
 
 /// The 2020 report's ratios beside ours, scene by scene.
 fn beside_2020(rows: &[&Row]) -> String {
-    let scenes: BTreeSet<&str> = rows.iter().map(|row| row.scene.as_str()).collect();
     let printed = printed();
     let mut table = Table::new()
         .with("table", |row: &&PrintedRow| row.table.to_string())
@@ -169,12 +168,7 @@ fn beside_2020(rows: &[&Row]) -> String {
         .with("photons", |row| row.photons.to_string())
         .with("radius", |row| row.radius.to_string())
         .with("2020 report", |row| digits(row.ratio()));
-    for scene in scenes {
-        let members: Vec<&Row> = rows
-            .iter()
-            .copied()
-            .filter(|row| row.scene == scene)
-            .collect();
+    for (scene, members) in grouped(rows.iter().copied(), |row| &row.scene) {
         table = table.with(format!("ours, {scene}"), move |row| {
             optional(row.measured(&members))
         });
@@ -338,10 +332,8 @@ fn pareto(report: &Report<'_>, rows: &[&Row], analysis: &Analysis) -> String {
 fn pareto_scene(rows: &[&Row], scene: &ParetoScene) -> String {
     let front: BTreeSet<&String> = scene.front.iter().map(|point| &point.key).collect();
     let flip_front: BTreeSet<&String> = scene.flip_front.iter().collect();
-    type Figure = (f64, Option<f64>);
-    let left = |row: &Row, pick: fn(&RegionErrors) -> Option<Figure>| {
-        let figure = row.errors.get("left").and_then(pick);
-        or_dash(figure.map(|(value, error)| with_error(value, error)))
+    let left = |row: &Row, pick: fn(&RegionErrors) -> Option<Estimate>| {
+        estimate(row.errors.get("left").and_then(pick))
     };
     let table = Table::new()
         .with("", |row: &&Row| {
@@ -356,27 +348,25 @@ fn pareto_scene(rows: &[&Row], scene: &ParetoScene) -> String {
         .with("photons, ms", |row| optional(row.ms("photons")))
         .with("eye, ms", |row| optional(row.ms("left")))
         .with("relMSE", |row| rel_mse(row, "left"))
-        .with("FLIP", |row| {
-            left(row, |errors| {
-                errors.flip.map(|e| (e.value, e.standard_error))
-            })
-        })
+        .with("FLIP", |row| left(row, |errors| errors.flip))
         .with("squared bias", |row| {
             left(row, |errors| {
-                errors
-                    .bias_variance
-                    .map(|b| (b.bias_squared, b.bias_squared_se))
+                errors.bias_variance.map(|found| Estimate {
+                    value: found.bias_squared,
+                    standard_error: found.bias_squared_se,
+                })
             })
         })
         .with("variance", |row| {
             left(row, |errors| {
-                errors.bias_variance.map(|b| (b.variance, b.variance_se))
+                errors.bias_variance.map(|found| Estimate {
+                    value: found.variance,
+                    standard_error: found.variance_se,
+                })
             })
         })
         .with("error of the mean", |row| {
-            left(row, |errors| {
-                errors.mean_rel_bias.map(|e| (e.value, e.standard_error))
-            })
+            left(row, |errors| errors.mean_rel_bias)
         })
         .with("efficiency", |row| {
             let rmse = row.errors.get("left").and_then(|errors| errors.rmse);

@@ -50,7 +50,7 @@ impl Machine {
 }
 
 /// Milliseconds of a row.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Timing {
     /// `device` (timestamp queries) or `host` (the adapter has none; then only `host_*` are measured).
     pub clock: String,
@@ -120,7 +120,7 @@ pub struct StereoFigures {
 }
 
 /// What the device was asked to hold.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Load {
     /// Triangles over all instances.
     pub triangles: u64,
@@ -141,7 +141,7 @@ pub struct Load {
 }
 
 /// A measured row.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Fingerprint of everything below that was decided before measuring, and of the code.
     pub key: String,
@@ -213,38 +213,7 @@ impl Row {
         Self {
             key: key.to_owned(),
             suite: "test".to_owned(),
-            group: "g".to_owned(),
-            variant: "v".to_owned(),
-            scene: "s".to_owned(),
-            headset: "h".to_owned(),
-            size: [8, 8],
-            eyes: "left".to_owned(),
-            factors: BTreeMap::new(),
-            settings: BTreeMap::new(),
-            timing: Timing {
-                clock: "device".to_owned(),
-                rounds: 3,
-                warm_up: 1,
-                ms: BTreeMap::new(),
-                ratio: BTreeMap::new(),
-                pass_ms: BTreeMap::new(),
-            },
-            errors: BTreeMap::new(),
-            frame_noise: None,
-            stereo: None,
-            load: Load {
-                triangles: 12,
-                instances: 1,
-                lights: 1,
-                upload_bytes: 100,
-                photon_paths: 0,
-                photons_stored: 0,
-                photons_dropped: 0,
-                radius_m: Some(0.1),
-            },
-            machine: Machine::default(),
-            version: "0".to_owned(),
-            code: "c".to_owned(),
+            ..Self::default()
         }
     }
 }

@@ -120,16 +120,9 @@ impl StereoSamples {
         if self.reuse_fraction.is_empty() && self.binocular.is_empty() {
             return None;
         }
-        let zero = Spread {
-            median: 0.0,
-            lower_quartile: 0.0,
-            upper_quartile: 0.0,
-            mad: 0.0,
-            count: 0,
-        };
         let middle = |values: &[f64]| median(values).unwrap_or(0.0);
         Some(StereoFigures {
-            reuse_fraction: spread(&self.reuse_fraction).unwrap_or(zero),
+            reuse_fraction: spread(&self.reuse_fraction).unwrap_or_default(),
             reused: middle(&self.reused),
             filled: middle(&self.filled),
             because: self

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use crate::ReportError;
 use crate::records::{Machine, Row};
-use crate::{Report, ReportError};
 
 /// Which part of a suite one machine measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -71,31 +71,12 @@ struct Saved {
 /// The `format` of report.json.
 pub const FORMAT: &str = "stereolux-bench";
 
-/// A report whose parts were measured apart.
-#[derive(Debug)]
-pub struct Joined {
-    head: Head,
-    rows: Vec<Row>,
-}
-
-impl Joined {
-    /// The report, of all parts.
-    #[must_use]
-    pub fn report(&self) -> Report<'_> {
-        Report {
-            head: self.head.clone(),
-            part: None,
-            unfinished: None,
-            rows: &self.rows,
-        }
-    }
-}
-
-/// Joins the parts of a suite: the texts of their report.json, by folder. Rows come in the suite's order.
+/// Joins the parts of a suite: the texts of their report.json, by folder. Returns what the report of all of them has: its head,
+/// and the rows in the suite's order.
 ///
 /// # Errors
 /// [`ReportError::Part`]: what is no part of a suite, or not of the same one, or is there twice, or is missing.
-pub fn join(texts: &[(PathBuf, String)]) -> Result<Joined, ReportError> {
+pub fn join(texts: &[(PathBuf, String)]) -> Result<(Head, Vec<Row>), ReportError> {
     let mut parts = Vec::new();
     for (folder, text) in texts {
         let (saved, part) = saved(folder, text)?;
@@ -153,10 +134,7 @@ pub fn join(texts: &[(PathBuf, String)]) -> Result<Joined, ReportError> {
         .collect();
     // Stable: a group's variants keep their order.
     rows.sort_by_key(|row| place(row).unwrap_or(usize::MAX));
-    Ok(Joined {
-        head: first.head.clone(),
-        rows,
-    })
+    Ok((first.head.clone(), rows))
 }
 
 fn fault(folder: &Path, reason: &str) -> ReportError {
@@ -196,6 +174,7 @@ fn differing(one: &serde_json::Value, other: &serde_json::Value) -> Option<Strin
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Report;
     use crate::analysis::tests::row;
 
     /// Rows of three groups, the middle one of two variants.
@@ -264,8 +243,14 @@ mod tests {
     fn two_halves_make_the_report_of_one_run_byte_by_byte() {
         let whole = files(&rows(), None, "1");
         for order in [[1, 2], [2, 1]] {
-            let joined = join(&order.map(|number| part(number, "1"))).unwrap();
-            assert_eq!(joined.report().files().unwrap(), whole);
+            let (head, rows) = join(&order.map(|number| part(number, "1"))).unwrap();
+            let joined = Report {
+                head,
+                part: None,
+                unfinished: None,
+                rows: &rows,
+            };
+            assert_eq!(joined.files().unwrap(), whole);
         }
     }
 

@@ -6,7 +6,7 @@ pub use stereolux_base::quantiles::{median, quantile};
 
 /// A median with its spread. Times have long upper tails, so means and standard deviations would describe the worst
 /// interruption and not the work.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
     /// Median.
     pub median: f64,

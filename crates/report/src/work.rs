@@ -50,29 +50,18 @@ pub const CARDS: [Card; 4] = [
 /// Passes whose threads' rays part at every surface that they meet.
 const PARTING: [&str; 2] = ["left.path_trace", "right.path_trace"];
 
-/// What the predictions assume.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Assumptions {
-    /// Share of the published bandwidth that a pass gets.
-    pub bandwidth_share: f64,
-    /// Share of the published instruction rate, for lanes that part and for waiting.
-    pub arithmetic_share: f64,
-    /// The same where paths are traced: their threads part at every surface.
-    pub parted_share: f64,
-    /// Share of what rays and gathers read that comes from memory, not from a cache.
-    pub cache_misses: f64,
-    /// Instructions per ray besides nodes and triangles; per node; per triangle test; per photon tested; per photon counted.
-    pub instructions: [f64; 5],
-}
-
-/// Instructions by the operations that the shaders' loops spell out, shares by custom; that of parted threads is an H200's.
-pub const ASSUMED: Assumptions = Assumptions {
-    bandwidth_share: 0.7,
-    arithmetic_share: 0.25,
-    parted_share: 0.04,
-    cache_misses: 0.1,
-    instructions: [120.0, 60.0, 70.0, 15.0, 110.0],
-};
+// What the predictions assume.
+/// Share of the published bandwidth that a pass gets.
+const BANDWIDTH_SHARE: f64 = 0.7;
+/// Share of the published instruction rate, for lanes that part and for waiting; by custom.
+const ARITHMETIC_SHARE: f64 = 0.25;
+/// The same where paths are traced: their threads part at every surface. An H200's.
+const PARTED_SHARE: f64 = 0.04;
+/// Share of what rays and gathers read that comes from memory, not from a cache.
+const CACHE_MISSES: f64 = 0.1;
+/// Instructions per ray besides nodes and triangles; per node; per triangle test; per photon tested; per photon counted; by the
+/// operations that the shaders' loops spell out.
+const INSTRUCTIONS: [f64; 5] = [120.0, 60.0, 70.0, 15.0, 110.0];
 
 table_row! {
     /// What a pass does in a frame, at the size that is predicted; and a whole frame as the pass `all`.
@@ -107,7 +96,7 @@ impl WorkRow {
     /// Fills in what follows from the counts. `bytes`: of a node, of a triangle, of what is read of a photon that is tested, and
     /// besides of one that counts.
     #[must_use]
-    pub fn predicted(mut self, bytes: [f64; 4], how: &Assumptions) -> Self {
+    pub fn predicted(mut self, bytes: [f64; 4]) -> Self {
         let [node, triangle, tested, counted] = bytes;
         self.bytes_walked = self.nodes * node
             + self.triangles * triangle
@@ -122,19 +111,19 @@ impl WorkRow {
         ];
         let in_loops: f64 = counts
             .iter()
-            .zip(how.instructions)
+            .zip(INSTRUCTIONS)
             .map(|(n, each)| n * each)
             .sum();
         self.instructions = self.threads * self.code_instructions + in_loops;
-        let bytes = self.bytes_read + self.bytes_written + how.cache_misses * self.bytes_walked;
+        let bytes = self.bytes_read + self.bytes_written + CACHE_MISSES * self.bytes_walked;
         let share = if PARTING.contains(&self.pass.as_str()) {
-            how.parted_share
+            PARTED_SHARE
         } else {
-            how.arithmetic_share
+            ARITHMETIC_SHARE
         };
         self.ms = CARDS.map(|card| {
             // A fused multiply-add is one instruction and two operations.
-            let moved_s = bytes / (card.gb_per_s * 1e9 * how.bandwidth_share);
+            let moved_s = bytes / (card.gb_per_s * 1e9 * BANDWIDTH_SHARE);
             let reckoned_s = self.instructions / (card.tflops * 1e12 / 2.0 * share);
             1e3 * moved_s.max(reckoned_s)
         });
@@ -191,25 +180,25 @@ pub fn files(
             format!("{:.4}", row.ms[index])
         })
     }));
-    one_table(columns, rows, about, markdown(rows, what, &ASSUMED))
+    one_table(columns, rows, about, markdown(rows, what))
 }
 
-fn markdown(rows: &[WorkRow], what: &str, how: &Assumptions) -> String {
+fn markdown(rows: &[WorkRow], what: &str) -> String {
     let mut text = format!(
         "# stereolux bench work\n\n{what}\n\n**A model: no time here was measured.** A pass takes the longer of moving its \
          bytes at {:.0} % of the card's published bandwidth and running its instructions at {:.0} % of its published rate ({:.0} % \
          where paths are traced). \
          {:.0} % of what rays and gathers look at comes from memory. A ray is taken for {:.0} instructions, a node {:.0}, a \
          triangle test {:.0}, a photon tested {:.0}, one counted {:.0}; the rest of the code runs once per thread.\n\n",
-        100.0 * how.bandwidth_share,
-        100.0 * how.arithmetic_share,
-        100.0 * how.parted_share,
-        100.0 * how.cache_misses,
-        how.instructions[0],
-        how.instructions[1],
-        how.instructions[2],
-        how.instructions[3],
-        how.instructions[4],
+        100.0 * BANDWIDTH_SHARE,
+        100.0 * ARITHMETIC_SHARE,
+        100.0 * PARTED_SHARE,
+        100.0 * CACHE_MISSES,
+        INSTRUCTIONS[0],
+        INSTRUCTIONS[1],
+        INSTRUCTIONS[2],
+        INSTRUCTIONS[3],
+        INSTRUCTIONS[4],
     );
     text += "| card | GB/s | TFLOPS | source |\n|---|---|---|---|\n";
     for card in &CARDS {
@@ -271,14 +260,14 @@ mod tests {
             bytes_written: 4e8,
             ..WorkRow::default()
         };
-        let moving = moving.predicted([64.0, 48.0, 16.0, 48.0], &ASSUMED);
+        let moving = moving.predicted([64.0, 48.0, 16.0, 48.0]);
         assert!((moving.ms[0] - 2.8345).abs() < 1e-3, "{:?}", moving.ms);
         let reckoning = WorkRow {
             bytes_read: 0.0,
             bytes_written: 0.0,
             ..moving.clone()
         };
-        let reckoning = reckoning.predicted([64.0, 48.0, 16.0, 48.0], &ASSUMED);
+        let reckoning = reckoning.predicted([64.0, 48.0, 16.0, 48.0]);
         assert!(
             (reckoning.ms[0] - 0.2749).abs() < 1e-3,
             "{:?}",
@@ -293,7 +282,7 @@ mod tests {
             photons_counted: 1.0,
             ..WorkRow::default()
         };
-        let walking = walking.predicted([64.0, 48.0, 16.0, 48.0], &ASSUMED);
+        let walking = walking.predicted([64.0, 48.0, 16.0, 48.0]);
         assert_eq!(walking.bytes_walked, 128.0 + 144.0 + 64.0 + 48.0);
         assert_eq!(walking.instructions, 120.0 + 120.0 + 210.0 + 60.0 + 110.0);
         // Paths part: at 4 % instead of 25.
@@ -301,7 +290,7 @@ mod tests {
             pass: "left.path_trace".to_owned(),
             ..reckoning.clone()
         };
-        let parted = parted.predicted([64.0, 48.0, 16.0, 48.0], &ASSUMED);
+        let parted = parted.predicted([64.0, 48.0, 16.0, 48.0]);
         assert!((parted.ms[0] / reckoning.ms[0] - 6.25).abs() < 1e-9);
         let both = WorkRow::all(&[moving.clone(), walking]);
         assert_eq!((both.rays, both.bytes_read), (1.0, 6e8));

@@ -7,13 +7,14 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::actions::{ActionError, ActionKind, Actions, unknown, wrong_kind};
-use super::input::{Hand, PRESSED_FROM, Side, Tracked, TrackedJson, read_tracked};
+use super::input::{Hand, PRESSED_FROM, Side, Tracked, read_tracked};
 use super::profiles::TOUCH;
 use super::trace::number;
 use super::validation::Fault;
 
 /// The value of one action.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum ActionValue {
     /// Held or not.
     Bool(bool),
@@ -204,11 +205,9 @@ impl ActionValues {
     }
 
     /// As a recording holds them: only what is not at rest. `None`: nothing.
-    pub(super) fn json(&self) -> Option<BTreeMap<&str, ValueJson>> {
+    pub(super) fn json(&self) -> Option<BTreeMap<&str, ActionValue>> {
         let told = self.0.iter().filter(|(_, value)| !value.is_rest());
-        let told: BTreeMap<_, _> = told
-            .filter_map(|(name, value)| Some((name.as_str(), ValueJson::of(value)?)))
-            .collect();
+        let told: BTreeMap<_, _> = told.map(|(name, value)| (name.as_str(), *value)).collect();
         (!told.is_empty()).then_some(told)
     }
 
@@ -292,25 +291,4 @@ fn source_value(source: &str, hands: &[Hand; 2]) -> Option<ActionValue> {
         let touched = || button(TOUCH.touches).map(|button| hand.touched.has(button));
         Some(ActionValue::Bool(pressed.or_else(touched)?))
     })
-}
-
-/// A value in a frame's line.
-#[derive(Serialize)]
-#[serde(untagged)]
-pub(super) enum ValueJson {
-    Bool(bool),
-    Float(f64),
-    Vec2([f64; 2]),
-    Pose(TrackedJson),
-}
-
-impl ValueJson {
-    fn of(value: &ActionValue) -> Option<Self> {
-        Some(match value {
-            ActionValue::Bool(held) => Self::Bool(*held),
-            ActionValue::Float(value) => Self::Float(*value),
-            ActionValue::Vec2(value) => Self::Vec2(value.to_array()),
-            ActionValue::Pose(place) => Self::Pose(TrackedJson::of(place.as_ref()?)),
-        })
-    }
 }

@@ -70,14 +70,9 @@ pub struct ActionError(pub(super) String);
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    #[serde(default = "yes")]
-    locomotion: bool,
+    locomotion: Option<bool>,
     #[serde(default)]
     action: Vec<Spanned<Declaration>>,
-}
-
-fn yes() -> bool {
-    true
 }
 
 #[derive(Deserialize)]
@@ -128,7 +123,7 @@ impl Actions {
     pub fn parse(file: &str, text: &str) -> Result<Self, InputError> {
         let read: File = toml_files::parsed(file, text)?;
         let mut actions = Self {
-            drops_locomotion: !read.locomotion,
+            drops_locomotion: read.locomotion == Some(false),
             ..Self::default()
         };
         for action in &read.action {

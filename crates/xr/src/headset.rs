@@ -199,7 +199,6 @@ struct ProfileToml {
     source: String,
     size: Spanned<[u32; 2]>,
     refresh_hz: Spanned<f64>,
-    #[serde(default)]
     refresh_rates_hz: Option<Spanned<Vec<f64>>>,
     ipd_m: Spanned<f64>,
     left: EyeToml,
@@ -210,9 +209,7 @@ struct ProfileToml {
 #[serde(deny_unknown_fields)]
 struct EyeToml {
     fov_deg: Spanned<FovToml>,
-    #[serde(default)]
     cant_deg: Option<Spanned<CantToml>>,
-    #[serde(default)]
     offset_m: Option<Spanned<[f64; 3]>>,
 }
 
@@ -225,14 +222,11 @@ struct FovToml {
     down: f64,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 struct CantToml {
-    #[serde(default)]
     yaw: f64,
-    #[serde(default)]
     pitch: f64,
-    #[serde(default)]
     roll: f64,
 }
 

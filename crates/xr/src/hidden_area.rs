@@ -1,12 +1,14 @@
 //! The part of an eye's image that the lens hides, so that no ray is spent on it.
 
 use super::view::Tangents;
+use serde::Serialize;
 
 /// Triangles of a mesh that are kept: both eyes' fit into the header of a recording, which is one line.
 const MOST_TRIANGLES: usize = 200;
 
 /// Triangles on the plane one metre ahead of an eye (x right, y up: tangents of viewing angles) that nobody can see.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[serde(transparent)]
 pub struct HiddenArea {
     triangles: Vec<[[f64; 2]; 3]>,
 }

@@ -7,10 +7,10 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec2, DVec3};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use serde_json::Value;
 
-use super::action_values::{ActionValues, ValueJson};
+use super::action_values::{ActionValue, ActionValues};
 use super::trace::Fields;
 use super::validation::{Fault, check_position, unit_quaternion};
 use stereolux_base::pose::Pose;
@@ -30,47 +30,47 @@ pub struct Input {
 /// How far a trigger or a squeeze is pulled where it counts as pressed.
 pub const PRESSED_FROM: f64 = 0.5;
 
-/// Which hand.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// The left one.
-    Left,
-    /// The right one.
-    Right,
+stereolux_base::words! {
+    /// Which hand.
+    pub enum Side: word {
+        /// The left one.
+        Left = "left",
+        /// The right one.
+        Right = "right",
+    }
 }
 
 impl Side {
     /// Both, in the order of [`Input::hands`].
-    pub const BOTH: [Self; 2] = [Self::Left, Self::Right];
-
-    /// `left` or `right`, as files say it.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Left => "left",
-            Self::Right => "right",
-        }
-    }
+    pub const BOTH: [Self; 2] = Self::ALL;
 }
 
 /// A hand, or the controller in it.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Hand {
     /// Where the palm holds things (OpenXR 1.1, section 6.3.2 "Standard pose identifiers", `grip`); `None`: not tracked.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub grip: Option<Tracked>,
     /// Where the hand points: along -Z; `None`: not tracked.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub aim: Option<Tracked>,
     /// How far the trigger is pulled, 0 to 1.
+    #[serde(skip_serializing_if = "is_zero")]
     pub trigger: f64,
     /// How far the grip button is squeezed, 0 to 1.
+    #[serde(skip_serializing_if = "is_zero")]
     pub squeeze: f64,
     /// Stick or pad: right and forward, each -1 to 1.
+    #[serde(skip_serializing_if = "is_centred")]
     pub stick: DVec2,
     /// Buttons that are held down.
+    #[serde(skip_serializing_if = "Buttons::are_none")]
     pub pressed: Buttons,
     /// Buttons that a finger rests on; none where the controller does not feel it.
+    #[serde(skip_serializing_if = "Buttons::are_none")]
     pub touched: Buttons,
     /// Joints of the tracked hand; `None` where the runtime tracks none.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub joints: Option<Box<[Joint; JOINTS]>>,
 }
 
@@ -78,13 +78,16 @@ pub struct Hand {
 pub const JOINTS: usize = 26;
 
 /// A pose with how it changes.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Tracked {
     /// World from hand.
+    #[serde(flatten)]
     pub pose: Pose,
     /// Metres per second in the world; 0 where the runtime does not say.
+    #[serde(skip_serializing_if = "is_still")]
     pub linear_velocity: DVec3,
     /// Radians per second about the world's axes; 0 where the runtime does not say.
+    #[serde(skip_serializing_if = "is_still")]
     pub angular_velocity: DVec3,
 }
 
@@ -120,9 +123,10 @@ impl Tracked {
 }
 
 /// One joint of a hand.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Joint {
     /// World from joint.
+    #[serde(flatten)]
     pub pose: Pose,
     /// Distance from the joint to the skin, metres.
     pub radius_m: f64,
@@ -180,12 +184,16 @@ impl Buttons {
         Self(self.0 & !other.0)
     }
 
-    /// The names in files.
-    fn words(self) -> Vec<&'static str> {
-        let all = Button::ALL.into_iter();
-        all.filter(|button| self.has(*button))
-            .map(Button::word)
-            .collect()
+    fn are_none(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// The names in files.
+impl Serialize for Buttons {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let held = Button::ALL.into_iter().filter(|button| self.has(*button));
+        serializer.collect_seq(held.map(Button::word))
     }
 }
 
@@ -224,9 +232,9 @@ impl Input {
     pub(super) fn json(&self) -> Option<InputJson<'_>> {
         let [left, right] = &self.hands;
         (*self != Self::default()).then(|| InputJson {
-            left: left.json(),
-            right: right.json(),
-            gaze: self.gaze.as_ref().map(PoseJson::of),
+            left: Some(left).filter(|hand| **hand != Hand::default()),
+            right: Some(right).filter(|hand| **hand != Hand::default()),
+            gaze: self.gaze,
             actions: self.actions.json(),
         })
     }
@@ -281,26 +289,6 @@ impl Hand {
             }
         }
         Ok(())
-    }
-
-    fn json(&self) -> Option<HandJson> {
-        let joint = |joint: &Joint| JointJson {
-            pose: PoseJson::of(&joint.pose),
-            radius_m: joint.radius_m,
-        };
-        (*self != Self::default()).then(|| HandJson {
-            grip: self.grip.as_ref().map(TrackedJson::of),
-            aim: self.aim.as_ref().map(TrackedJson::of),
-            trigger: self.trigger,
-            squeeze: self.squeeze,
-            stick: self.stick.to_array(),
-            pressed: self.pressed.words(),
-            touched: self.touched.words(),
-            joints: self
-                .joints
-                .as_ref()
-                .map(|joints| joints.iter().map(joint).collect()),
-        })
     }
 
     fn read(path: &str, value: &Value) -> Result<Self, Fault> {
@@ -396,75 +384,13 @@ fn read_joints(path: &str, value: &Value) -> Result<Box<[Joint; JOINTS]>, Fault>
 #[derive(Serialize)]
 pub(super) struct InputJson<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
-    left: Option<HandJson>,
+    left: Option<&'a Hand>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    right: Option<HandJson>,
+    right: Option<&'a Hand>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    gaze: Option<PoseJson>,
+    gaze: Option<Pose>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    actions: Option<BTreeMap<&'a str, ValueJson>>,
-}
-
-#[derive(Serialize)]
-struct HandJson {
-    #[serde(skip_serializing_if = "Option::is_none")]
-    grip: Option<TrackedJson>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    aim: Option<TrackedJson>,
-    #[serde(skip_serializing_if = "is_zero")]
-    trigger: f64,
-    #[serde(skip_serializing_if = "is_zero")]
-    squeeze: f64,
-    #[serde(skip_serializing_if = "are_zero")]
-    stick: [f64; 2],
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pressed: Vec<&'static str>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    touched: Vec<&'static str>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    joints: Option<Vec<JointJson>>,
-}
-
-#[derive(Serialize)]
-struct PoseJson {
-    position: [f64; 3],
-    orientation: [f64; 4],
-}
-
-impl PoseJson {
-    fn of(pose: &Pose) -> Self {
-        Self {
-            position: pose.position.to_array(),
-            orientation: pose.orientation.to_array(),
-        }
-    }
-}
-
-#[derive(Serialize)]
-pub(super) struct TrackedJson {
-    #[serde(flatten)]
-    pose: PoseJson,
-    #[serde(skip_serializing_if = "are_zero")]
-    linear_velocity: [f64; 3],
-    #[serde(skip_serializing_if = "are_zero")]
-    angular_velocity: [f64; 3],
-}
-
-impl TrackedJson {
-    pub(super) fn of(tracked: &Tracked) -> Self {
-        Self {
-            pose: PoseJson::of(&tracked.pose),
-            linear_velocity: tracked.linear_velocity.to_array(),
-            angular_velocity: tracked.angular_velocity.to_array(),
-        }
-    }
-}
-
-#[derive(Serialize)]
-struct JointJson {
-    #[serde(flatten)]
-    pose: PoseJson,
-    radius_m: f64,
+    actions: Option<BTreeMap<&'a str, ActionValue>>,
 }
 
 /// Whether a number may be left out; -0 may not, so that what is read and written again gives the same bytes.
@@ -473,6 +399,10 @@ fn is_zero(value: &f64) -> bool {
     value.to_bits() == 0
 }
 
-fn are_zero<const N: usize>(values: &[f64; N]) -> bool {
-    values.iter().all(is_zero)
+fn is_centred(stick: &DVec2) -> bool {
+    stick.to_array().iter().all(is_zero)
+}
+
+fn is_still(velocity: &DVec3) -> bool {
+    velocity.to_array().iter().all(is_zero)
 }

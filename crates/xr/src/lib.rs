@@ -80,6 +80,7 @@ pub use view::{Fov, Pose, RayInWorld, Tangents, View};
 pub use stereolux_settings::{Motion, Quality};
 
 use glam::DVec3;
+use serde::Serialize;
 
 /// A source of frames and eye poses. The module's text has the order of calls; a call out of that
 /// order is [`XrError::CallOrder`], from every source, so that a loop that works with the simulated
@@ -186,52 +187,6 @@ pub struct Pulse {
     pub amplitude: f64,
 }
 
-impl<S: XrSession + ?Sized> XrSession for Box<S> {
-    fn info(&self) -> &SessionInfo {
-        (**self).info()
-    }
-
-    fn wait_frame(&mut self) -> Result<Option<FrameState>, XrError> {
-        (**self).wait_frame()
-    }
-
-    fn begin_frame(&mut self) -> Result<(), XrError> {
-        (**self).begin_frame()
-    }
-
-    fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
-        (**self).locate_views(display_time_ns)
-    }
-
-    fn relocate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
-        (**self).relocate_views(display_time_ns)
-    }
-
-    fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
-        (**self).locate_input(display_time_ns)
-    }
-
-    fn controller_model(&mut self) -> Result<Option<ControllerModel>, XrError> {
-        (**self).controller_model()
-    }
-
-    fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {
-        (**self).acquire_targets()
-    }
-
-    fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {
-        (**self).vibrate(pulse)
-    }
-
-    fn move_wearer(&mut self, by_m: DVec3) {
-        (**self).move_wearer(by_m);
-    }
-
-    fn end_frame(&mut self, submission: FrameSubmission<'_>) -> Result<(), XrError> {
-        (**self).end_frame(submission)
-    }
-}
-
 /// What a session is. Refresh rate and hidden areas may change while it waits for a frame, the rest is fixed for its life.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SessionInfo {
@@ -290,7 +245,7 @@ pub struct FrameState {
 }
 
 /// Which parts of a pose the tracker vouches for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct ViewFlags {
     /// Positions may be used.
     pub position_valid: bool,
@@ -326,18 +281,6 @@ impl LocatedViews {
             flags: ViewFlags::VALID,
             repeated: false,
         }
-    }
-
-    /// The left eye.
-    #[must_use]
-    pub fn left(&self) -> &View {
-        &self.views[0]
-    }
-
-    /// The right eye.
-    #[must_use]
-    pub fn right(&self) -> &View {
-        &self.views[1]
     }
 
     /// As [`View::midpoint_in_world`].

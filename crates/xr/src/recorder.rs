@@ -19,9 +19,8 @@ use stereolux_base::files;
 /// Any session, with each frame's views written to a native trace (`trace`) as the frame ends. A
 /// frame that rendered nothing leaves no line. Each line is handed to the system in one write before the
 /// frame ends, so a killed run loses at most the line that it was writing. Controllers' models lie beside the trace.
-#[derive(Debug)]
-pub struct Recorder<S> {
-    inner: S,
+pub struct Recorder {
+    inner: Box<dyn XrSession>,
     path: PathBuf,
     file: File,
     frames: u64,
@@ -42,13 +41,13 @@ pub struct Recorder<S> {
     version: u64,
 }
 
-impl<S: XrSession> Recorder<S> {
+impl Recorder {
     /// Creates the file at `path`, replacing what was there, and writes the header from `inner`'s
     /// [`SessionInfo`].
     ///
     /// # Errors
     /// [`XrError::RecordCreate`] if the file cannot be created or written.
-    pub fn create(path: &Path, inner: S) -> Result<Self, XrError> {
+    pub fn create(path: &Path, inner: Box<dyn XrSession>) -> Result<Self, XrError> {
         let header = TraceHeader {
             headset: inner.info().headset.clone(),
             refresh_hz: inner.info().refresh_hz,
@@ -88,16 +87,6 @@ impl<S: XrSession> Recorder<S> {
                 cause,
             }),
         }
-    }
-
-    /// Frames written so far.
-    pub fn frames(&self) -> u64 {
-        self.frames
-    }
-
-    /// The session inside; the recording is complete as it is.
-    pub fn into_inner(self) -> S {
-        self.inner
     }
 
     /// States a later version in the header, in place: the number has one digit, whatever it is. Before the first line
@@ -159,7 +148,7 @@ impl<S: XrSession> Recorder<S> {
     }
 }
 
-impl<S: XrSession> XrSession for Recorder<S> {
+impl XrSession for Recorder {
     fn info(&self) -> &SessionInfo {
         self.inner.info()
     }

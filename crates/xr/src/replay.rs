@@ -20,7 +20,7 @@ pub struct ReplayOptions {
     pub headset: Headset,
     /// Where a recentred head trajectory starts, world from head.
     pub start: Pose,
-    /// The recording's up axis; `None`: the format's default. Only for head trajectories.
+    /// The recording's up axis; `None`: z, as both formats have it. Only for head trajectories.
     pub up: Option<TraceUp>,
     /// The recording's body axes; `None`: the format's default. Only for head trajectories.
     pub body: Option<TraceBody>,
@@ -62,7 +62,6 @@ pub struct ReplaySession {
     models: VecDeque<(u64, ControllerModel)>,
     /// Quality was set while it was recorded: it goes by that alone.
     sets_quality: bool,
-    warnings: Vec<String>,
     frame_limit: u64,
     next_frame: u64,
     order: FrameOrder,
@@ -76,7 +75,7 @@ enum Recording {
 }
 
 impl ReplaySession {
-    /// Opens a recording. Warnings about the file go to the log and to [`ReplaySession::warnings`].
+    /// Opens a recording. Warnings about the file go to the log.
     ///
     /// # Errors
     /// An unreadable or unknown file, the first fault in it (with file, line and field; a controller's model that it names is
@@ -130,19 +129,18 @@ impl ReplaySession {
             takes_depth: false,
         };
         let frames = trace.frames.len() as u64;
-        let warnings = trace.warnings.clone();
         let sets_quality = trace.frames.iter().any(|frame| frame.quality.is_some());
         let recording = Recording::Native(trace);
         Ok(Self {
             models,
             sets_quality,
-            ..Self::new(info, recording, warnings, frames, &options)
+            ..Self::new(info, recording, frames, &options)
         })
     }
 
     fn head(path: &Path, recorded: &RecordedTrajectory, options: ReplayOptions) -> Self {
         let format = recorded.format;
-        let up = options.up.unwrap_or(format.default_up());
+        let up = options.up.unwrap_or(TraceUp::Z);
         let body = options.body.unwrap_or(format.default_body());
         let mut motion = recorded.to_head_motion(up, body);
         if options.recenter.unwrap_or(true) {
@@ -153,22 +151,15 @@ impl ReplaySession {
         let info = SessionInfo::of_profile(source, &headset);
         let frames = frames_within(motion.duration_ns(), headset.refresh_hz);
         let recording = Recording::Head(motion, Box::new(headset));
-        Self::new(info, recording, Vec::new(), frames, &options)
+        Self::new(info, recording, frames, &options)
     }
 
-    fn new(
-        info: SessionInfo,
-        recording: Recording,
-        warnings: Vec<String>,
-        frames: u64,
-        options: &ReplayOptions,
-    ) -> Self {
+    fn new(info: SessionInfo, recording: Recording, frames: u64, options: &ReplayOptions) -> Self {
         Self {
             info,
             recording,
             models: VecDeque::new(),
             sets_quality: false,
-            warnings,
             frame_limit: options
                 .frame_limit
                 .map_or(frames, |limit| limit.min(frames)),
@@ -195,12 +186,6 @@ impl ReplaySession {
             .take_while(|(number, _)| (*number as u64) < self.frame_limit)
             .filter_map(|(number, frame)| Some((number, frame.quality?)))
             .collect()
-    }
-
-    /// What the user should know about the file.
-    #[must_use]
-    pub fn warnings(&self) -> &[String] {
-        &self.warnings
     }
 
     /// What a native trace holds of a frame.

@@ -58,14 +58,11 @@ struct HandPlan {
     waves: Vec<(f64, bool)>,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 struct File {
-    #[serde(default)]
     joints: bool,
-    #[serde(default)]
     left: Vec<Spanned<Step>>,
-    #[serde(default)]
     right: Vec<Spanned<Step>>,
 }
 

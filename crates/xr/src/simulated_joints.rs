@@ -61,50 +61,37 @@ pub(super) fn joints_of(
     trigger: f64,
     squeeze: f64,
 ) -> Box<[Joint; JOINTS]> {
-    let mut joints = [Joint {
-        pose: Pose::IDENTITY,
-        radius_m: PALM_RADIUS_M,
-    }; JOINTS];
-    joints[1] = Joint {
-        pose: Pose::new(WRIST_M, DQuat::IDENTITY),
-        radius_m: WRIST_RADIUS_M,
-    };
-    let for_pinch = squeeze + (PINCH - squeeze) * trigger;
-    for (index, finger) in FINGERS.iter().enumerate() {
-        let curl = if index == 0 { for_pinch } else { squeeze };
-        let first = 6 + 5 * index;
-        for (joint, (pose, radius_m)) in joints[first..]
-            .iter_mut()
-            .zip(finger.poses(curl).into_iter().zip(RADII_M))
-        {
-            *joint = Joint { pose, radius_m };
-        }
-    }
     // Where the index's tip is once the trigger is pulled.
     let [.., meeting] = FINGERS[0].poses(PINCH);
     let thumb = thumb_poses(OPEN_THUMB_M.lerp(meeting.position, trigger));
-    // It lacks a bone, so its first joint is as thick as the others' second.
-    for (joint, (pose, radius_m)) in joints[2..]
-        .iter_mut()
-        .zip(thumb.into_iter().zip(RADII_M.into_iter().skip(1)))
-    {
-        *joint = Joint { pose, radius_m };
-    }
-    Box::new(joints.map(|joint| {
+    let for_pinch = squeeze + (PINCH - squeeze) * trigger;
+    let fingers = FINGERS.iter().zip([for_pinch, squeeze, squeeze, squeeze]);
+    let wrist = Pose::new(WRIST_M, DQuat::IDENTITY);
+    let in_grip = [(Pose::IDENTITY, PALM_RADIUS_M), (wrist, WRIST_RADIUS_M)]
+        .into_iter()
+        // A thumb lacks a bone, so its first joint is as thick as the others' second.
+        .chain(thumb.into_iter().zip(RADII_M.into_iter().skip(1)))
+        .chain(fingers.flat_map(|(finger, curl)| finger.poses(curl).into_iter().zip(RADII_M)));
+    let mut joints = Box::new(
+        [Joint {
+            pose: Pose::IDENTITY,
+            radius_m: 0.0,
+        }; JOINTS],
+    );
+    for (joint, (pose, radius_m)) in joints.iter_mut().zip(in_grip) {
         let pose = match side {
-            Side::Left => mirrored(&joint.pose),
-            Side::Right => joint.pose,
+            Side::Left => mirrored(&pose),
+            Side::Right => pose,
         };
         let Pose {
             position,
             orientation,
         } = world_from_grip.then(&pose);
         // Unit length to the last bits, as a recording reads it back.
-        Joint {
-            pose: Pose::new(position, orientation.normalize()),
-            ..joint
-        }
-    }))
+        let pose = Pose::new(position, orientation.normalize());
+        *joint = Joint { pose, radius_m };
+    }
+    joints
 }
 
 impl Finger {

@@ -521,24 +521,16 @@ struct HeaderJson<'a> {
     headset: &'a str,
     refresh_hz: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
-    hidden: Option<HiddenJson<'a>>,
-}
-
-/// Triangles of both eyes.
-type HiddenJson<'a> = [&'a [[[f64; 2]; 3]]; 2];
-
-fn hidden_json(hidden: &Option<[HiddenArea; 2]>) -> Option<HiddenJson<'_>> {
-    let eyes = hidden.as_ref()?;
-    Some(eyes.each_ref().map(HiddenArea::triangles))
+    hidden: Option<&'a [HiddenArea; 2]>,
 }
 
 #[derive(Serialize)]
 struct FrameJson<'a> {
     t_ns: i64,
-    views: [ViewJson; 2],
-    flags: FlagsJson,
+    views: [View; 2],
+    flags: ViewFlags,
     #[serde(skip_serializing_if = "Option::is_none")]
-    located: Option<[ViewJson; 2]>,
+    located: Option<[View; 2]>,
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     switch_reuse: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -546,32 +538,11 @@ struct FrameJson<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     refresh_hz: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    hidden: Option<HiddenJson<'a>>,
+    hidden: Option<&'a [HiddenArea; 2]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     controller_model: Option<Map<String, Value>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     input: Option<InputJson<'a>>,
-}
-
-#[derive(Serialize)]
-struct ViewJson {
-    position: [f64; 3],
-    orientation: [f64; 4],
-    fov: FovJson,
-}
-
-#[derive(Serialize)]
-struct FovJson {
-    left: f64,
-    right: f64,
-    up: f64,
-    down: f64,
-}
-
-#[derive(Serialize)]
-struct FlagsJson {
-    position_valid: bool,
-    orientation_valid: bool,
 }
 
 /// The header's line, with its line feed. `version`: one that can hold it and all frames ([`TraceHeader::version`],
@@ -585,7 +556,7 @@ pub fn header_line(header: &TraceHeader, version: u64) -> Result<String, serde_j
         version,
         headset: &header.headset,
         refresh_hz: header.refresh_hz,
-        hidden: hidden_json(&header.hidden),
+        hidden: header.hidden.as_ref(),
     })?;
     Ok(line + "\n")
 }
@@ -607,30 +578,15 @@ pub fn begins_as_recording(path: &Path) -> std::io::Result<bool> {
 /// # Errors
 /// None that is known: serde_json's own.
 pub fn frame_line(frame: &TraceFrame) -> Result<String, serde_json::Error> {
-    let views = |views: [View; 2]| {
-        views.map(|view| ViewJson {
-            position: view.position_in_world.to_array(),
-            orientation: view.orientation.to_array(),
-            fov: FovJson {
-                left: view.fov.angle_left,
-                right: view.fov.angle_right,
-                up: view.fov.angle_up,
-                down: view.fov.angle_down,
-            },
-        })
-    };
     let line = serde_json::to_string(&FrameJson {
         t_ns: frame.t_ns,
-        views: views(frame.views.views),
-        located: frame.located.map(views),
-        flags: FlagsJson {
-            position_valid: frame.views.flags.position_valid,
-            orientation_valid: frame.views.flags.orientation_valid,
-        },
+        views: frame.views.views,
+        located: frame.located,
+        flags: frame.views.flags,
         switch_reuse: frame.switch_reuse,
         quality: frame.quality,
         refresh_hz: frame.refresh_hz,
-        hidden: hidden_json(&frame.hidden),
+        hidden: frame.hidden.as_ref(),
         controller_model: controller_model::names_json(&frame.controller_model),
         input: frame.input.json(),
     })?;

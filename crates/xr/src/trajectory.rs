@@ -32,17 +32,6 @@ choices! {
     }
 }
 
-impl TraceUp {
-    /// World from the recording's world.
-    #[must_use]
-    pub fn world_from_recording(self) -> DQuat {
-        match self {
-            Self::Y => DQuat::IDENTITY,
-            Self::Z => DQuat::from_rotation_x(-FRAC_PI_2),
-        }
-    }
-}
-
 /// What the axes of a recording's body are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TraceBody {
@@ -73,24 +62,19 @@ impl TraceBody {
     }
 }
 
-/// File formats of head motion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TrajectoryFormat {
-    /// `timestamp tx ty tz qx qy qz qw`, seconds; `#` comments. Sturm et al. 2012, "A benchmark for the
-    /// evaluation of RGB-D SLAM systems".
-    Tum,
-    /// `timestamp [ns], p x y z, q w x y z, ...`, whole nanoseconds, comma separated; `#` comments.
-    /// Burri et al. 2016, "The EuRoC micro aerial vehicle datasets".
-    Euroc,
+stereolux_base::words! {
+    /// File formats of head motion.
+    pub enum TrajectoryFormat: name {
+        /// `timestamp tx ty tz qx qy qz qw`, seconds; `#` comments. Sturm et al. 2012, "A benchmark for the
+        /// evaluation of RGB-D SLAM systems".
+        Tum = "TUM",
+        /// `timestamp [ns], p x y z, q w x y z, ...`, whole nanoseconds, comma separated; `#` comments.
+        /// Burri et al. 2016, "The EuRoC micro aerial vehicle datasets".
+        Euroc = "EuRoC",
+    }
 }
 
 impl TrajectoryFormat {
-    /// The world's up axis unless the user says otherwise: z for both.
-    #[must_use]
-    pub fn default_up(self) -> TraceUp {
-        TraceUp::Z
-    }
-
     /// The body's axes unless the user says otherwise: an optical frame for TUM, whose ground truth is
     /// the colour camera's; [`TraceBody::EUROC_IMU`] for EuRoC, whose ground truth is the inertial
     /// unit's.
@@ -99,15 +83,6 @@ impl TrajectoryFormat {
         match self {
             Self::Tum => TraceBody::Optical,
             Self::Euroc => TraceBody::EUROC_IMU,
-        }
-    }
-
-    /// Name for messages.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Tum => "TUM",
-            Self::Euroc => "EuRoC",
         }
     }
 
@@ -195,18 +170,18 @@ impl RecordedTrajectory {
     /// Head poses in this program's world and axes; see the module's text.
     #[must_use]
     pub fn to_head_motion(&self, up: TraceUp, body: TraceBody) -> HeadMotion {
-        let world_from_recording = up.world_from_recording();
         let body_from_eye = body.body_from_eye();
         let poses = self.poses.iter().map(|timed| {
-            let orientation = world_from_recording * timed.pose.orientation * body_from_eye;
-            let position = match up {
-                TraceUp::Y => timed.pose.position,
-                // Exact, where the quaternion would round.
-                TraceUp::Z => {
-                    let p = timed.pose.position;
-                    DVec3::new(p.x, p.z, -p.y)
-                }
+            let p = timed.pose.position;
+            let (turn, position) = match up {
+                TraceUp::Y => (DQuat::IDENTITY, p),
+                // Exact, where the quaternion would round the position.
+                TraceUp::Z => (
+                    DQuat::from_rotation_x(-FRAC_PI_2),
+                    DVec3::new(p.x, p.z, -p.y),
+                ),
             };
+            let orientation = turn * timed.pose.orientation * body_from_eye;
             TimedPose {
                 t_ns: timed.t_ns,
                 pose: Pose::new(position, orientation.normalize()),

@@ -3,7 +3,7 @@
 //!
 //! A file with a bad pose is an error that names file, line and field (the readers build it from the
 //! [`Fault`]s here). A runtime with a bad pose is no error, because tracking comes and goes: [`Validated`]
-//! repeats the last good views and counts.
+//! repeats the last good views.
 
 use super::view::{Fov, View};
 use super::{
@@ -168,13 +168,12 @@ pub fn check_views(located: &LocatedViews) -> Result<LocatedViews, Fault> {
 }
 
 /// Any session, with its poses checked: an invalid pose becomes the last good one again, marked as
-/// `repeated` and counted; before the first good one there are no views. Invalid input counts as none. A [`super::Recorder`] belongs outside of this,
+/// `repeated`; before the first good one there are no views. Invalid input counts as none. A [`super::Recorder`] belongs outside of this,
 /// so that it writes what was really used.
 #[derive(Debug)]
 pub struct Validated<S> {
     inner: S,
     last_good: Option<LocatedViews>,
-    invalid_poses: u64,
     last_fault: Option<Fault>,
     /// The last pose was invalid.
     is_astray: bool,
@@ -187,26 +186,15 @@ impl<S: XrSession> Validated<S> {
         Self {
             inner,
             last_good: None,
-            invalid_poses: 0,
             last_fault: None,
             is_astray: false,
             last_input_fault: None,
         }
     }
 
-    /// How many times an invalid pose came in.
-    pub fn invalid_poses(&self) -> u64 {
-        self.invalid_poses
-    }
-
     /// What was wrong with the latest invalid pose.
     pub fn last_fault(&self) -> Option<&Fault> {
         self.last_fault.as_ref()
-    }
-
-    /// The session inside.
-    pub fn into_inner(self) -> S {
-        self.inner
     }
 
     /// `located` if it is valid, else the last good views.
@@ -227,9 +215,11 @@ impl<S: XrSession> Validated<S> {
                 if !was_astray || self.last_fault.as_ref() != Some(&fault) {
                     log::warn!("invalid pose from {}: {fault}", self.inner.info().source);
                 }
-                self.invalid_poses += 1;
                 self.last_fault = Some(fault);
-                self.repeat_last()
+                self.last_good.map(|good| LocatedViews {
+                    repeated: true,
+                    ..good
+                })
             }
         }
     }
@@ -298,14 +288,5 @@ impl<S: XrSession> XrSession for Validated<S> {
             view.position_in_world += by_m;
         }
         self.inner.move_wearer(by_m);
-    }
-}
-
-impl<S> Validated<S> {
-    fn repeat_last(&self) -> Option<LocatedViews> {
-        self.last_good.map(|good| LocatedViews {
-            repeated: true,
-            ..good
-        })
     }
 }

@@ -9,6 +9,7 @@
 pub use stereolux_base::pose::Pose;
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
+use serde::Serialize;
 
 /// Points nearer than this to the eye's plane, or behind it, are not visible; metres. Small enough for
 /// scenes a millimetre across, large enough that tangents stay finite in f32.
@@ -16,15 +17,19 @@ pub const NEAR_M: f64 = 1e-6;
 
 /// Four angles of a view frustum from the eye's -Z axis, radians, signed as OpenXR signs them: left and
 /// down are negative for an eye that sees straight ahead (XrFovf).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Fov {
     /// Left edge.
+    #[serde(rename = "left")]
     pub angle_left: f64,
     /// Right edge, greater than left.
+    #[serde(rename = "right")]
     pub angle_right: f64,
     /// Top edge.
+    #[serde(rename = "up")]
     pub angle_up: f64,
     /// Bottom edge, less than up.
+    #[serde(rename = "down")]
     pub angle_down: f64,
 }
 
@@ -75,9 +80,10 @@ pub struct RayInWorld {
 }
 
 /// One eye: where it is, how it is turned, and what it sees.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct View {
     /// The eye, metres.
+    #[serde(rename = "position")]
     pub position_in_world: DVec3,
     /// World from eye; unit quaternion.
     pub orientation: DQuat,

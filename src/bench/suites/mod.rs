@@ -93,13 +93,6 @@ pub const REFERENCE_SAMPLES: u32 = 4096;
 /// Photons in `smoke`, unless the settings name another number.
 const SMOKE_PHOTONS: u32 = 4096;
 
-fn extent(suite: Suite) -> Extent {
-    match suite {
-        Suite::Smoke => Extent::Smoke,
-        _ => Extent::Full,
-    }
-}
-
 /// Most samples per pixel of a reference.
 #[must_use]
 pub fn reference_samples(options: &BenchOptions) -> u32 {
@@ -107,7 +100,10 @@ pub fn reference_samples(options: &BenchOptions) -> u32 {
 }
 
 fn base(options: &BenchOptions) -> SuiteBase {
-    let extent = extent(options.suite);
+    let extent = match options.suite {
+        Suite::Smoke => Extent::Smoke,
+        _ => Extent::Full,
+    };
     let pick = |full: u32, smoke: u32| match extent {
         Extent::Full => full,
         Extent::Smoke => smoke,
@@ -178,10 +174,6 @@ pub fn plans(options: &BenchOptions) -> Result<Vec<GroupPlan>, BenchError> {
 /// A scene of the suite, for what its plan depends on.
 fn scene_of(name: &str, base: &SuiteBase) -> Result<Scene, BenchError> {
     SceneSource::Named(name.to_owned()).load(&base.settings)
-}
-
-fn headset(base: &SuiteBase) -> Result<Headset, BenchError> {
-    Ok(Headset::load(&base.settings.headset)?)
 }
 
 /// The settings' headset with the opening of the scene's camera, where it has one, so that the scene fills the picture

@@ -7,7 +7,7 @@ use super::super::BenchError;
 use super::super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::super::reference::PixelFilter;
 use super::super::scenes::SceneSource;
-use super::{Extent, SuiteBase, candidate, framing_headset, headset, scene_of};
+use super::{Extent, SuiteBase, candidate, framing_headset, scene_of};
 use crate::scene::{Needs, Scene};
 use crate::settings::Choice as _;
 use crate::settings::{Eyes, RenderSettings, Reuse};
@@ -20,29 +20,20 @@ const IPDS_MM: [f64; 4] = [0.0, 55.0, 63.0, 75.0];
 /// How far ahead of the scene's starting pose the head stands in the groups that vary the distance, metres.
 const AHEAD_M: [f64; 2] = [-0.3, 0.3];
 
-/// Reuse modes, no reuse first.
-pub(super) fn modes() -> Vec<Reuse> {
-    let others = Reuse::ALL
-        .iter()
-        .copied()
-        .filter(|mode| *mode != Reuse::Off);
-    std::iter::once(Reuse::Off).chain(others).collect()
-}
-
 /// Whether no surface of a scene depends on the viewing direction.
 pub(super) fn is_diffuse(scene: &Scene) -> bool {
     let needs = Needs::of(scene);
     !needs.glossy && !needs.dielectric && !needs.bsdfs.contains(&"user")
 }
 
-/// One candidate per reuse mode.
+/// One candidate per reuse mode, the one without reuse first.
 pub(super) fn candidates(
     settings: &RenderSettings,
     factors: &[(&'static str, serde_json::Value)],
 ) -> Vec<Candidate> {
-    modes()
-        .into_iter()
-        .map(|reuse| {
+    Reuse::ALL
+        .iter()
+        .map(|&reuse| {
             let settings = RenderSettings {
                 reuse,
                 ..settings.clone()
@@ -55,7 +46,7 @@ pub(super) fn candidates(
 }
 
 pub(super) fn plans(base: &SuiteBase) -> Result<Vec<GroupPlan>, BenchError> {
-    let own = headset(base)?;
+    let own = Headset::load(&base.settings.headset)?;
     let mut plans = Vec::new();
     for scene in &base.scenes {
         let loaded = scene_of(scene, base)?;

@@ -128,7 +128,10 @@ fn a_replay_has_what_was_located_first_and_last() {
     let scene = builtin("cornell");
     let [file, again, without] =
         ["late.jsonl", "again.jsonl", "without.jsonl"].map(TemporaryFile::new);
-    let recorded = play(Recorder::create(&file.0, moving(&scene).0).unwrap(), &scene);
+    let recorded = play(
+        Recorder::create(&file.0, Box::new(moving(&scene).0)).unwrap(),
+        &scene,
+    );
     let trace = Trace::read(&file.0).unwrap();
     assert_eq!(trace.frames.len(), FRAMES as usize);
     for (frame, (views, _)) in trace.frames.iter().zip(&recorded) {
@@ -139,7 +142,10 @@ fn a_replay_has_what_was_located_first_and_last() {
     assert!(replay(&file.0, &scene) == recorded, "a replay differs");
     let options = ReplayOptions::new(Headset::load("symmetric").unwrap(), start_pose(&scene));
     let session = ReplaySession::open(&file.0, options).unwrap();
-    play(Recorder::create(&again.0, session).unwrap(), &scene);
+    play(
+        Recorder::create(&again.0, Box::new(session)).unwrap(),
+        &scene,
+    );
     assert_eq!(Trace::read(&again.0).unwrap(), trace);
     // A replay that knows of the last views alone traces photons around another place: that is seen.
     let text = std::fs::read_to_string(&file.0).unwrap();
@@ -155,7 +161,10 @@ fn a_replay_has_what_was_located_first_and_last() {
     // Views that stay where they are need no second place in a file.
     let headset = Headset::load("symmetric").unwrap();
     let still = SimulatedSession::new(headset, Motion::Sway, start_pose(&scene), Some(2));
-    play(Recorder::create(&without.0, still).unwrap(), &scene);
+    play(
+        Recorder::create(&without.0, Box::new(still)).unwrap(),
+        &scene,
+    );
     let text = std::fs::read_to_string(&without.0).unwrap();
     assert!(text.contains("\"version\":1") && !text.contains("located"));
 }

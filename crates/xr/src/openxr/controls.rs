@@ -6,7 +6,7 @@ use openxr as xr;
 
 use super::hands::Hands;
 use super::own_actions::OwnActions;
-use super::runtime::{Runtime, RuntimeError, failed};
+use super::runtime::{Runtime, RuntimeError, failed, names};
 use super::states::{held, stick};
 use super::trackers::Trackers;
 use crate::actions::Actions;
@@ -74,8 +74,8 @@ impl Controls {
         actions: &Actions,
     ) -> Result<Self, RuntimeError> {
         let mut controls = Self::make(runtime, session, moves, actions).map_err(in_set)?;
-        let used = runtime.used_extensions();
-        let is_there = |extension: &str| used.contains(&extension);
+        let used = names(&runtime.used);
+        let is_there = |extension: &str| used.iter().any(|name| name == extension);
         for profile in PROFILES {
             if profile.extension.is_none_or(is_there) {
                 controls.suggest(&runtime.instance, profile)?;

@@ -18,16 +18,12 @@ pub(super) enum Step {
 }
 
 /// Where the session stands.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Lifecycle {
     running: bool,
 }
 
 impl Lifecycle {
-    pub(super) fn new() -> Self {
-        Self { running: false }
-    }
-
     /// Whether frames are waited for, begun and ended.
     pub(super) fn running(&self) -> bool {
         self.running
@@ -59,18 +55,8 @@ impl Lifecycle {
 }
 
 /// A state's name as the specification has it, in lower case.
-pub(super) fn name(state: SessionState) -> &'static str {
-    match state {
-        SessionState::IDLE => "idle",
-        SessionState::READY => "ready",
-        SessionState::SYNCHRONIZED => "synchronized",
-        SessionState::VISIBLE => "visible",
-        SessionState::FOCUSED => "focused",
-        SessionState::STOPPING => "stopping",
-        SessionState::LOSS_PENDING => "loss pending",
-        SessionState::EXITING => "exiting",
-        _ => "unknown",
-    }
+pub(super) fn name(state: SessionState) -> String {
+    format!("{state:?}").to_lowercase().replace('_', " ")
 }
 
 #[cfg(test)]
@@ -80,7 +66,7 @@ mod tests {
     #[test]
     fn a_whole_life_with_a_pause() {
         use SessionState as S;
-        let mut life = Lifecycle::new();
+        let mut life = Lifecycle::default();
         let steps = [
             (S::IDLE, Step::None, false),
             (S::READY, Step::Begin, true),
@@ -103,7 +89,7 @@ mod tests {
 
     #[test]
     fn a_repeated_state_asks_for_nothing_twice_and_a_loss_stops_frames() {
-        let mut life = Lifecycle::new();
+        let mut life = Lifecycle::default();
         assert_eq!(life.enter(SessionState::STOPPING), Step::None);
         assert_eq!(life.enter(SessionState::READY), Step::Begin);
         assert_eq!(life.enter(SessionState::READY), Step::None);

@@ -65,11 +65,11 @@ impl Live {
             .map_err(failed("xrCreateReferenceSpace"))?;
         let controls = Controls::new(runtime, &session, settings.locomotion, &options.actions)?;
         let behind = Behind::new(runtime, &session, options.passthrough);
-        let with_depth = settings.depth_layer && runtime.offered.depth_layer;
+        let with_depth = settings.depth_layer && runtime.used.khr_composition_layer_depth;
         let eyes =
             EyeSwapchains::pair(&session, context, options.size, settings.format, with_depth)?;
         Ok(Self {
-            lifecycle: Lifecycle::new(),
+            lifecycle: Lifecycle::default(),
             loss: None,
             under_way: UnderWay::Nothing,
             eyes,

@@ -28,7 +28,6 @@ use std::time::{Duration, Instant};
 use glam::{DQuat, DVec3};
 use openxr as xr;
 
-pub use passthrough::Passthrough;
 pub use runtime::{Runtime, RuntimeError};
 
 use self::controller_models::ControllerModels;
@@ -146,7 +145,7 @@ impl OpenXrSession {
             locomotion,
             options,
             live: Some(live),
-            models: ControllerModels::new(runtime.offered.controller_models),
+            models: ControllerModels::new(runtime.used.msft_controller_model),
             context: context.clone(),
             runtime,
             is_over: false,
@@ -555,7 +554,8 @@ impl XrSession for OpenXrSession {
         // The views that were rendered, back in the runtime's space: f64 until the last step, so that they round to the
         // f32 numbers that the runtime gave.
         let [left, right] = &live.eyes;
-        let layers = [(left, rendered.left()), (right, rendered.right())].map(|(eye, view)| {
+        let [left_view, right_view] = &rendered.views;
+        let layers = [(left, left_view), (right, right_view)].map(|(eye, view)| {
             let (pose, fov) = pose_in_space(&space_from_world, view);
             LayerView {
                 pose,
@@ -675,7 +675,7 @@ fn pose_in_space(space_from_world: &Pose, view: &View) -> (xr::Posef, xr::Fovf) 
 
 /// Asks for `wanted_hz` (0: leaves it to the runtime) and says what the display does.
 fn refresh_rate(runtime: &Runtime, session: &xr::Session<xr::Vulkan>, wanted_hz: f64) -> f64 {
-    if !runtime.offered.refresh_rate {
+    if !runtime.used.fb_display_refresh_rate {
         if wanted_hz > 0.0 {
             log::warn!(
                 "openxr.refresh_hz: the runtime does not let programs choose the refresh rate"
@@ -726,7 +726,7 @@ fn hidden_areas(
     session: &xr::Session<xr::Vulkan>,
     settings: &OpenXrSettings,
 ) -> Option<[HiddenArea; 2]> {
-    if !settings.visibility_mask || !runtime.offered.visibility_mask {
+    if !settings.visibility_mask || !runtime.used.khr_visibility_mask {
         return None;
     }
     let area = |eye| {

@@ -6,31 +6,15 @@ use openxr::EnvironmentBlendMode as Mode;
 use super::runtime::{Runtime, RuntimeError, failed};
 use stereolux_gpu::vulkan_interop::openxr as interop;
 
-/// Ways to show the wearer's room where the scene is transparent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Passthrough {
-    /// The environment blend mode ALPHA_BLEND.
-    Blended,
-    /// A layer of XR_FB_passthrough below the scene's.
-    Layered,
-    /// The display adds its light to the room's, so that black is transparent.
-    Added,
-}
-
 impl Runtime {
-    /// How the wearer's room can be shown; `None`: not at all.
+    /// The blend mode by which the wearer's room can be shown where the scene is transparent: OPAQUE with a layer of
+    /// XR_FB_passthrough below the scene's, ADDITIVE where black is transparent. `None`: not at all.
     #[must_use]
-    pub fn passthrough(&self) -> Option<Passthrough> {
-        let modes = &self.system.modes;
-        if modes.contains(&Mode::ALPHA_BLEND) {
-            Some(Passthrough::Blended)
-        } else if self.offered.passthrough_layer && modes.contains(&Mode::OPAQUE) {
-            Some(Passthrough::Layered)
-        } else if modes.contains(&Mode::ADDITIVE) {
-            Some(Passthrough::Added)
-        } else {
-            None
-        }
+    pub fn passthrough(&self) -> Option<Mode> {
+        let ways = [Mode::ALPHA_BLEND, Mode::OPAQUE, Mode::ADDITIVE];
+        let is_one = |mode: &Mode| *mode != Mode::OPAQUE || self.used.fb_passthrough;
+        let mut ways = ways.into_iter().filter(is_one);
+        ways.find(|mode| self.system.modes.contains(mode))
     }
 }
 
@@ -93,14 +77,11 @@ impl Behind {
             return behind;
         }
         match runtime.passthrough() {
-            Some(Passthrough::Blended) => {
-                (behind.mode, behind.with_alpha) = (Mode::ALPHA_BLEND, true);
-            }
-            Some(Passthrough::Layered) => match Room::open(session) {
+            Some(Mode::OPAQUE) => match Room::open(session) {
                 Ok(room) => (behind.room, behind.with_alpha) = (Some(room), true),
                 Err(error) => behind.lacks = Some(error.to_string()),
             },
-            Some(Passthrough::Added) => behind.mode = Mode::ADDITIVE,
+            Some(mode) => (behind.mode, behind.with_alpha) = (mode, mode == Mode::ALPHA_BLEND),
             None => behind.lacks = Some("it offers no way to".to_owned()),
         }
         behind

@@ -135,27 +135,11 @@ pub(super) fn is_gone(result: xr::sys::Result) -> bool {
     matches!(result, R::ERROR_INSTANCE_LOST | R::ERROR_RUNTIME_FAILURE)
 }
 
-/// What is in use of what a runtime may offer.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Offered {
-    pub(super) depth_layer: bool,
-    pub(super) visibility_mask: bool,
-    pub(super) refresh_rate: bool,
-    pub(super) passthrough_layer: bool,
-    pub(super) hand_joints: bool,
-    pub(super) gaze: bool,
-    pub(super) controller_models: bool,
-    touch_plus: bool,
-    hand_interaction: bool,
-}
-
-impl Offered {
-    /// What the headset itself cannot do is not offered.
-    fn take_over(&mut self, supports: interop::Supports) {
-        self.hand_joints = supports.hand_joints;
-        self.gaze = supports.gaze;
-        self.passthrough_layer = supports.passthrough;
-    }
+/// What the headset itself cannot do is not used.
+fn take_over(used: &mut xr::ExtensionSet, supports: interop::Supports) {
+    used.ext_hand_tracking = supports.hand_joints;
+    used.ext_eye_gaze_interaction = supports.gaze;
+    used.fb_passthrough = supports.passthrough;
 }
 
 /// A headset as the runtime describes it.
@@ -227,7 +211,7 @@ impl System {
         ]
     }
 
-    /// See [`Runtime::largest_size`].
+    /// Pixels per eye that it takes at most.
     fn largest_size(&self) -> [u32; 2] {
         let [left, right] = &self.views;
         [
@@ -241,7 +225,8 @@ impl System {
 pub struct Runtime {
     pub(super) instance: xr::Instance,
     pub(super) system: System,
-    pub(super) offered: Offered,
+    /// Extensions in use.
+    pub(super) used: xr::ExtensionSet,
     name: String,
     version: String,
     extensions: Vec<String>,
@@ -260,28 +245,17 @@ impl Runtime {
         if !available.khr_vulkan_enable2 {
             return Err(RuntimeError::NoVulkan);
         }
-        let mut offered = Offered {
-            depth_layer: available.khr_composition_layer_depth,
-            visibility_mask: available.khr_visibility_mask,
-            refresh_rate: available.fb_display_refresh_rate,
-            passthrough_layer: available.fb_passthrough,
-            hand_joints: available.ext_hand_tracking,
-            gaze: available.ext_eye_gaze_interaction,
-            controller_models: available.msft_controller_model,
-            touch_plus: available.meta_touch_controller_plus,
-            hand_interaction: available.ext_hand_interaction,
-        };
-        let mut enabled = xr::ExtensionSet::default();
-        enabled.khr_vulkan_enable2 = true;
-        enabled.khr_composition_layer_depth = offered.depth_layer;
-        enabled.khr_visibility_mask = offered.visibility_mask;
-        enabled.fb_display_refresh_rate = offered.refresh_rate;
-        enabled.fb_passthrough = offered.passthrough_layer;
-        enabled.ext_hand_tracking = offered.hand_joints;
-        enabled.ext_eye_gaze_interaction = offered.gaze;
-        enabled.msft_controller_model = offered.controller_models;
-        enabled.meta_touch_controller_plus = offered.touch_plus;
-        enabled.ext_hand_interaction = offered.hand_interaction;
+        let mut used = xr::ExtensionSet::default();
+        used.khr_vulkan_enable2 = true;
+        used.khr_composition_layer_depth = available.khr_composition_layer_depth;
+        used.khr_visibility_mask = available.khr_visibility_mask;
+        used.fb_display_refresh_rate = available.fb_display_refresh_rate;
+        used.fb_passthrough = available.fb_passthrough;
+        used.ext_hand_tracking = available.ext_hand_tracking;
+        used.ext_eye_gaze_interaction = available.ext_eye_gaze_interaction;
+        used.msft_controller_model = available.msft_controller_model;
+        used.meta_touch_controller_plus = available.meta_touch_controller_plus;
+        used.ext_hand_interaction = available.ext_hand_interaction;
         let application = xr::ApplicationInfo {
             application_name: "stereolux",
             application_version: 1,
@@ -291,29 +265,20 @@ impl Runtime {
             api_version: xr::Version::new(1, 0, 0),
         };
         let instance = entry
-            .create_instance(&application, &enabled, &[], &())
+            .create_instance(&application, &used, &[], &())
             .map_err(no_runtime)?;
         let properties = instance
             .properties()
             .map_err(failed("xrGetInstanceProperties"))?;
         let name = one_line(&properties.runtime_name);
         let system = System::find(&instance, &name)?;
-        offered.take_over(system.supports);
-        let extensions = available
-            .names()
-            .into_iter()
-            .map(|name| {
-                String::from_utf8_lossy(name)
-                    .trim_end_matches('\0')
-                    .to_owned()
-            })
-            .collect();
+        take_over(&mut used, system.supports);
         Ok(Self {
             system,
-            offered,
+            used,
             version: properties.runtime_version.to_string(),
             name,
-            extensions,
+            extensions: names(&available),
             instance,
         })
     }
@@ -337,7 +302,7 @@ impl Runtime {
         if !is_same {
             return Err(RuntimeError::Changed("another adapter"));
         }
-        self.offered.take_over(again.supports);
+        take_over(&mut self.used, again.supports);
         self.system = again;
         Ok(())
     }
@@ -369,18 +334,12 @@ impl Runtime {
         self.system.recommended_size()
     }
 
-    /// Pixels per eye that it takes at most.
-    #[must_use]
-    pub fn largest_size(&self) -> [u32; 2] {
-        self.system.largest_size()
-    }
-
     /// The size to render: `wanted`, or what the runtime recommends.
     ///
     /// # Errors
     /// [`RuntimeError::TooLarge`], [`RuntimeError::NoSize`].
     pub fn size(&self, wanted: Option<[u32; 2]>) -> Result<[u32; 2], RuntimeError> {
-        let most = self.largest_size();
+        let most = self.system.largest_size();
         let size = wanted.unwrap_or_else(|| self.recommended_size());
         if size.iter().chain(&most).any(|side| *side == 0)
             || size.iter().any(|side| *side > MAX_SIZE)
@@ -433,7 +392,7 @@ impl Runtime {
                 "largest_size": [view.max_image_rect_width, view.max_image_rect_height],
             })).collect::<Vec<_>>(),
             "extensions": self.extensions,
-            "used_extensions": self.used_extensions(),
+            "used_extensions": names(&self.used),
             "not_offered": self.not_offered(),
         })
     }
@@ -441,34 +400,23 @@ impl Runtime {
     /// What runtime and headset may lack without harm, and do.
     fn not_offered(&self) -> Vec<&'static str> {
         let may_lack = [
-            ("bare_hands", self.offered.hand_interaction),
-            ("hand_joints", self.offered.hand_joints),
-            ("gaze", self.offered.gaze),
-            ("controller_models", self.offered.controller_models),
+            ("bare_hands", self.used.ext_hand_interaction),
+            ("hand_joints", self.used.ext_hand_tracking),
+            ("gaze", self.used.ext_eye_gaze_interaction),
+            ("controller_models", self.used.msft_controller_model),
             ("passthrough", self.passthrough().is_some()),
         ];
         let missing = may_lack.into_iter().filter(|(_, is_there)| !is_there);
         missing.map(|(what, _)| what).collect()
     }
+}
 
-    /// Extensions in use.
-    pub(super) fn used_extensions(&self) -> Vec<&'static str> {
-        let optional = [
-            (self.offered.depth_layer, "XR_KHR_composition_layer_depth"),
-            (self.offered.visibility_mask, "XR_KHR_visibility_mask"),
-            (self.offered.refresh_rate, "XR_FB_display_refresh_rate"),
-            (self.offered.passthrough_layer, "XR_FB_passthrough"),
-            (self.offered.hand_joints, "XR_EXT_hand_tracking"),
-            (self.offered.gaze, "XR_EXT_eye_gaze_interaction"),
-            (self.offered.controller_models, "XR_MSFT_controller_model"),
-            (self.offered.touch_plus, "XR_META_touch_controller_plus"),
-            (self.offered.hand_interaction, "XR_EXT_hand_interaction"),
-        ];
-        let offered = optional.into_iter().filter(|(is_offered, _)| *is_offered);
-        std::iter::once("XR_KHR_vulkan_enable2")
-            .chain(offered.map(|(_, name)| name))
-            .collect()
-    }
+/// The extensions of a set.
+pub(super) fn names(set: &xr::ExtensionSet) -> Vec<String> {
+    let names = set.names().into_iter().map(String::from_utf8_lossy);
+    names
+        .map(|name| name.trim_end_matches('\0').to_owned())
+        .collect()
 }
 
 /// A runtime's or a linker's words as one line, fit for a terminal.

@@ -39,8 +39,8 @@ impl Trackers {
             Ok((action, None))
         };
         Self {
-            hands: made(runtime.offered.hand_joints, "joints of hands", hands),
-            gaze: made(runtime.offered.gaze, "gaze", gaze),
+            hands: made(runtime.used.ext_hand_tracking, "joints of hands", hands),
+            gaze: made(runtime.used.ext_eye_gaze_interaction, "gaze", gaze),
         }
     }
 

@@ -57,7 +57,7 @@ fn the_documented_lines_read_and_write_back() {
     );
     assert_eq!(trace.frames.len(), 2);
     assert_eq!(trace.frames[1].t_ns, 11_111_111);
-    let left = trace.frames[0].views.left();
+    let left = &trace.frames[0].views.views[0];
     assert_eq!(left.position_in_world, DVec3::new(-0.03, 1.6, 0.0));
     assert_eq!(
         left.fov,
@@ -296,9 +296,9 @@ fn a_recording_replays_to_the_bit_and_records_to_the_same_bytes() {
         TemporaryFile::new("first.jsonl"),
         TemporaryFile::new("second.jsonl"),
     );
-    let mut recorder = Recorder::create(&first.0, simulated(200)).unwrap();
+    let mut recorder = Recorder::create(&first.0, Box::new(simulated(200))).unwrap();
     let used = play(&mut recorder);
-    assert_eq!(recorder.frames(), 200);
+    assert_eq!(used.len(), 200);
     let options = || ReplayOptions::new(Headset::load("symmetric").unwrap(), Pose::IDENTITY);
     let replay = ReplaySession::open(&first.0, options()).unwrap();
     assert_eq!(
@@ -306,7 +306,7 @@ fn a_recording_replays_to_the_bit_and_records_to_the_same_bytes() {
         "index",
         "the trace's headset, not the option's"
     );
-    let mut recorder = Recorder::create(&second.0, Box::new(replay) as Box<dyn XrSession>).unwrap();
+    let mut recorder = Recorder::create(&second.0, Box::new(replay)).unwrap();
     let replayed = play(&mut recorder);
     let bits = |frame: &TraceFrame| {
         frame
@@ -323,7 +323,7 @@ fn a_recording_replays_to_the_bit_and_records_to_the_same_bytes() {
 #[test]
 fn each_frame_is_on_disk_when_it_ends_and_empty_frames_leave_no_line() {
     let file = TemporaryFile::new("stream.jsonl");
-    let mut recorder = Recorder::create(&file.0, simulated(10)).unwrap();
+    let mut recorder = Recorder::create(&file.0, Box::new(simulated(10))).unwrap();
     assert_eq!(
         file.text().lines().count(),
         1,
@@ -353,7 +353,7 @@ fn each_frame_is_on_disk_when_it_ends_and_empty_frames_leave_no_line() {
 #[test]
 fn the_views_that_were_used_are_recorded_not_those_located() {
     let file = TemporaryFile::new("used.jsonl");
-    let mut recorder = Recorder::create(&file.0, simulated(1)).unwrap();
+    let mut recorder = Recorder::create(&file.0, Box::new(simulated(1))).unwrap();
     let (frame, mut views) = begin(&mut recorder).unwrap();
     views.views[0].position_in_world.x += 1.0;
     recorder
@@ -379,7 +379,7 @@ fn recorded(name: &str, frames: &[String], told: &[(bool, Option<Quality>)]) -> 
     let file = TemporaryFile::new(&format!("recorded-{name}.jsonl"));
     let options = ReplayOptions::new(Headset::load("symmetric").unwrap(), Pose::IDENTITY);
     let session = ReplaySession::open(&source.0, options).unwrap();
-    let mut recorder = Recorder::create(&file.0, session).unwrap();
+    let mut recorder = Recorder::create(&file.0, Box::new(session)).unwrap();
     for (is_seen, quality) in told {
         let (frame, views) = begin(&mut recorder).unwrap();
         let views = Some(&views).filter(|_| *is_seen);
@@ -424,7 +424,9 @@ fn what_changes_in_frames_that_nobody_sees_shows_in_the_next_line() {
 #[test]
 fn unwritable_recordings() {
     for path in [Path::new("/nowhere/at/all.jsonl"), &std::env::temp_dir()] {
-        let error = Recorder::create(path, simulated(1)).unwrap_err();
+        let error = Recorder::create(path, Box::new(simulated(1)))
+            .err()
+            .unwrap();
         assert!(error.is_unusable_input());
         let text = error.to_string();
         assert!(
@@ -437,7 +439,7 @@ fn unwritable_recordings() {
 #[test]
 fn what_could_not_be_read_back_is_not_written() {
     let file = TemporaryFile::new("nan.jsonl");
-    let mut recorder = Recorder::create(&file.0, simulated(1)).unwrap();
+    let mut recorder = Recorder::create(&file.0, Box::new(simulated(1))).unwrap();
     let (frame, mut views) = begin(&mut recorder).unwrap();
     views.views[1].position_in_world.x = f64::NAN;
     let error = recorder
@@ -457,7 +459,9 @@ fn what_could_not_be_read_back_is_not_written() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_reported() {
-    let error = Recorder::create(Path::new("/dev/full"), simulated(1)).unwrap_err();
+    let error = Recorder::create(Path::new("/dev/full"), Box::new(simulated(1)))
+        .err()
+        .unwrap();
     assert!(matches!(error, XrError::RecordCreate { .. }), "{error}");
 }
 
@@ -708,7 +712,7 @@ fn controllers_models_are_recorded_beside_the_trace_and_replayed() {
         inner: simulated(6),
         waited: 0,
     };
-    let recorded = models(&mut Recorder::create(&first, live).unwrap());
+    let recorded = models(&mut Recorder::create(&first, Box::new(live)).unwrap());
     let expected = [Side::Right, Side::Left].map(|side| Some(model(side)));
     assert_eq!(recorded[2..4], expected);
     assert_eq!(recorded.iter().flatten().count(), 2);
@@ -720,7 +724,7 @@ fn controllers_models_are_recorded_beside_the_trace_and_replayed() {
     // A replay is recorded likewise.
     let replay = ReplaySession::open(&first, options()).unwrap();
     assert_eq!(
-        models(&mut Recorder::create(&second, replay).unwrap()),
+        models(&mut Recorder::create(&second, Box::new(replay)).unwrap()),
         recorded
     );
     let again = Trace::read(&second).unwrap();
@@ -777,7 +781,8 @@ fn what_simulated_hands_do_is_recorded_and_replayed() {
     let place_of = |_: &str| Ok(DVec3::new(0.3, 0.2, 0.1));
     let hands = HandScript::parse("hands.toml", script, &Pose::IDENTITY, &place_of).unwrap();
     let file = TemporaryFile::new("hands.jsonl");
-    let recorded = play(&mut Recorder::create(&file.0, simulated(5).with_hands(hands)).unwrap());
+    let recorded =
+        play(&mut Recorder::create(&file.0, Box::new(simulated(5).with_hands(hands))).unwrap());
     assert!(recorded[4].input.hand(Side::Left).pressed.has(Button::Menu));
     assert_eq!(recorded[4].input.hand(Side::Right).stick.y, -1.0);
     let hands = &recorded[4].input.hands;
@@ -793,7 +798,7 @@ fn what_simulated_hands_do_is_recorded_and_replayed() {
     let mut replay = ReplaySession::open(&file.0, options).unwrap();
     assert_eq!(play(&mut replay), recorded);
     // Without hands it is a file of version 1.
-    play(&mut Recorder::create(&file.0, simulated(5)).unwrap());
+    play(&mut Recorder::create(&file.0, Box::new(simulated(5))).unwrap());
     assert!(
         file.text()
             .starts_with(HEADER.split("\"headset").next().unwrap())

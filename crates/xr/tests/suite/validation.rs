@@ -158,7 +158,7 @@ impl XrSession for Scripted {
 }
 
 #[test]
-fn a_bad_pose_repeats_the_last_good_one_and_is_counted() {
+fn a_bad_pose_repeats_the_last_good_one() {
     let untracked = LocatedViews {
         flags: ViewFlags {
             position_valid: false,
@@ -182,7 +182,7 @@ fn a_bad_pose_repeats_the_last_good_one_and_is_counted() {
         session
             .locate_views(0)
             .unwrap()
-            .map(|v| (v.left().position_in_world.x, v.repeated))
+            .map(|v| (v.views[0].position_in_world.x, v.repeated))
     };
     assert_eq!(next(), None, "no good pose yet");
     assert_eq!(next(), None);
@@ -192,11 +192,9 @@ fn a_bad_pose_repeats_the_last_good_one_and_is_counted() {
     assert_eq!(next(), Some((1.0, true)));
     assert_eq!(next(), Some((2.0, false)));
     // Nothing located is no good pose either.
-    assert_eq!(session.invalid_poses(), 5);
     assert_eq!(session.last_fault().unwrap().field, "views");
     // A lost runtime is an error, not a bad pose.
     assert!(session.locate_views(0).is_err());
-    assert_eq!(session.invalid_poses(), 5);
 }
 
 #[test]
@@ -218,6 +216,6 @@ fn nearly_unit_quaternions_from_a_runtime_come_out_unit() {
     views.views[0].orientation = DQuat::from_xyzw(0.0, 0.600_1, 0.0, 0.8);
     let mut session = Validated::new(Scripted::new(vec![Some(views)]));
     let located = session.locate_views(0).unwrap().unwrap();
-    assert!((located.left().orientation.length() - 1.0).abs() < 1e-15);
-    assert_eq!(session.invalid_poses(), 0);
+    assert!((located.views[0].orientation.length() - 1.0).abs() < 1e-15);
+    assert!(session.last_fault().is_none());
 }
