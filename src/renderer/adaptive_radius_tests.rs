@@ -8,10 +8,10 @@ use glam::{DAffine3, DQuat, DVec3};
 use crate::frame::MapKind;
 use crate::gpu::{GpuContext, ShaderLibrary};
 use crate::renderer::test_support::{
-    context, direct_from_map, looking_ahead, nodes_of, replaced, walls,
+    add_light, context, direct_from_map, looking_ahead, replaced, scene_of, walls,
 };
 use crate::renderer::{Eye, FrameResult, Renderer};
-use crate::scene::{LightKind, Material, Node, PunctualLight, Scene};
+use crate::scene::{LightKind, Material, Scene};
 use crate::settings::{Eyes, Force, RenderSettings};
 use crate::xr::View;
 
@@ -60,24 +60,9 @@ fn scene(sun: Sun, sheets: u32) -> Scene {
         });
         sunlight = DAffine3::from_rotation_x(0.5 * PI);
     }
-    let mut nodes = nodes_of(&meshes);
-    nodes.push(Node {
-        light: Some(0),
-        parent_from_node: sunlight,
-        ..Node::default()
-    });
-    Scene {
-        materials,
-        roots: (0..nodes.len()).collect(),
-        meshes,
-        nodes,
-        lights: vec![PunctualLight {
-            name: "sun".to_owned(),
-            kind: LightKind::Directional,
-            intensity: [IRRADIANCE; 3],
-        }],
-        ..Scene::default()
-    }
+    let mut scene = scene_of(materials, meshes);
+    add_light(&mut scene, LightKind::Directional, IRRADIANCE, sunlight);
+    scene
 }
 
 /// What a plate's pictures hold, means over seeds.

@@ -2,13 +2,14 @@
 //! other independently; photons light them as lamps do.
 
 use glam::{DAffine3, DVec3};
+use stereolux_report::statistics;
 
 use crate::gpu::ShaderLibrary;
 use crate::renderer::test_support::{
-    context, direct_from_map, looking_ahead, nodes_of, replaced, walls,
+    add_light, context, direct_from_map, looking_ahead, replaced, scene_of, walls,
 };
 use crate::renderer::{Eye, Renderer};
-use crate::scene::{AlphaMode, LightKind, Material, Node, PunctualLight, Scene};
+use crate::scene::{AlphaMode, LightKind, Material, Scene};
 use crate::settings::{DirectLight, Eyes, Method, RenderSettings, Reuse};
 use crate::xr::View;
 
@@ -29,13 +30,7 @@ fn scene(panes: u32) -> Scene {
     pane.alpha_mode = AlphaMode::Blend;
     let mut meshes = vec![square(-4.0, 0)];
     meshes.extend((0..panes).map(|i| square(-1.0 - f64::from(i), 1)));
-    Scene {
-        materials: vec![lamp, pane],
-        nodes: nodes_of(&meshes),
-        roots: (0..meshes.len()).collect(),
-        meshes,
-        ..Scene::default()
-    }
+    scene_of(vec![lamp, pane], meshes)
 }
 
 /// One channel of the left eye's picture in each of so many frames.
@@ -125,30 +120,16 @@ fn lit(library: &ShaderLibrary, settings: &RenderSettings, is_decal: bool) -> Ve
     let mut pane = Material::lambert("pane", [0.8; 3]);
     pane.base_color[3] = COVERED as f32;
     pane.alpha_mode = AlphaMode::Blend;
-    let lamp = Node {
-        light: Some(0),
-        parent_from_node: DAffine3::from_translation(DVec3::new(0.0, 0.0, -1.0)),
-        ..Node::default()
-    };
     let square = |z: f64, material| {
         let corner = DVec3::new(-2.0, -2.0, z);
         walls(&[[corner, 4.0 * DVec3::X, 4.0 * DVec3::Y]], material)
     };
     let mut meshes = vec![square(-3.0, 0)];
     meshes.extend(is_decal.then(|| square(-3.002, 1)));
-    let nodes: Vec<Node> = nodes_of(&meshes).into_iter().chain([lamp]).collect();
-    let scene = Scene {
-        materials: vec![pane, Material::lambert("wall", [0.8; 3])],
-        roots: (0..nodes.len()).collect(),
-        nodes,
-        meshes,
-        lights: vec![PunctualLight {
-            name: String::new(),
-            kind: LightKind::Point,
-            intensity: [1.0; 3],
-        }],
-        ..Scene::default()
-    };
+    let materials = vec![pane, Material::lambert("wall", [0.8; 3])];
+    let mut scene = scene_of(materials, meshes);
+    let place = DAffine3::from_translation(DVec3::NEG_Z);
+    add_light(&mut scene, LightKind::Point, 1.0, place);
     let view = looking_ahead(DVec3::ZERO, 10.0);
     let pictures = pictures(library, &scene, settings, &view, FRAMES);
     let mean = |picture: &Vec<f64>| picture.iter().sum::<f64>() / picture.len() as f64;
@@ -181,7 +162,8 @@ fn photons_light_a_pane_as_lamps_do() {
         settings
     };
     for (is_decal, wrong) in [(false, squared), (true, doubled)] {
-        let by_lamp = moments(&lit(&library, &settings(DirectLight::Nee, false), is_decal));
+        let by_lamp = lit(&library, &settings(DirectLight::Nee, false), is_decal);
+        let by_lamp = statistics::mean(&by_lamp).unwrap();
         for edge_correction in [true, false] {
             let by_photons = |library| {
                 let found = lit(
@@ -189,11 +171,13 @@ fn photons_light_a_pane_as_lamps_do() {
                     &settings(DirectLight::Map, edge_correction),
                     is_decal,
                 );
-                let [mean, error] = moments(&found);
+                let found = statistics::mean(&found).unwrap();
+                let [error, lamp_error] = [&found, &by_lamp].map(|of| of.standard_error.unwrap());
                 // Irradiance 1 / d^2 cos^3 is even within a radius to r^2 / d^2 = 0.25 %, and pixels' coverage differs by their
                 // errors.
-                let bound = 4.0 * (error + by_lamp[1]) + 0.0025 * by_lamp[0];
-                ((mean - by_lamp[0]).abs() <= bound, mean / by_lamp[0])
+                let bound = 4.0 * (error + lamp_error) + 0.0025 * by_lamp.value;
+                let off = (found.value - by_lamp.value).abs();
+                (off <= bound, found.value / by_lamp.value)
             };
             let (is_right, ratio) = by_photons(&library);
             assert!(is_right, "decal {is_decal}: {ratio}");
@@ -226,13 +210,7 @@ fn blended_glass_keeps_the_light_of_a_furnace() {
         face(-1.0, false, 1),
         face(-1.5, true, 1),
     ];
-    let scene = Scene {
-        materials: vec![lamp, glass],
-        nodes: nodes_of(&meshes),
-        roots: (0..meshes.len()).collect(),
-        meshes,
-        ..Scene::default()
-    };
+    let scene = scene_of(vec![lamp, glass], meshes);
     let library = ShaderLibrary::embedded();
     let wrong = replaced(
         &library,
@@ -249,12 +227,4 @@ fn blended_glass_keeps_the_light_of_a_furnace() {
     assert!(off < 1e-5, "{off}");
     let off = farthest_off(&wrong);
     assert!(off > 0.5, "{off}");
-}
-
-/// Mean and its standard error.
-fn moments(values: &[f64]) -> [f64; 2] {
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
-    [mean, (squares / (count - 1.0) / count).sqrt()]
 }

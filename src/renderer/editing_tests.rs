@@ -4,9 +4,11 @@ use glam::{DAffine3, DVec3};
 
 use crate::gpu::ShaderLibrary;
 use crate::renderer::instance_table::InstanceId;
-use crate::renderer::test_support::{context, direct_from_map, looking_ahead, nodes_of, walls};
+use crate::renderer::test_support::{
+    add_light, context, direct_from_map, looking_ahead, scene_of, walls,
+};
 use crate::renderer::{Applied, Eye, Renderer};
-use crate::scene::{Environment, LightKind, Material, Node, PunctualLight, Scene};
+use crate::scene::{Environment, LightKind, Material, Scene};
 use crate::settings::Eyes;
 
 const SIZE: u32 = 24;
@@ -19,16 +21,9 @@ fn scene() -> Scene {
         walls(&[[corner, sides[0], sides[1]]], material)
     };
     let meshes = vec![square(3.0, 0.0, 0), square(0.5, 0.1, 1)];
-    Scene {
-        materials: vec![
-            Material::lambert("floor", [0.5; 3]),
-            Material::lambert("tile", [0.8; 3]),
-        ],
-        nodes: nodes_of(&meshes),
-        roots: vec![0, 1],
-        meshes,
-        ..Scene::default()
-    }
+    let materials = [("floor", 0.5), ("tile", 0.8)];
+    let materials = materials.map(|(name, grey)| Material::lambert(name, [grey; 3]));
+    scene_of(materials.into(), meshes)
 }
 
 fn surroundings(radiance: f32) -> Option<Environment> {
@@ -74,17 +69,8 @@ fn surroundings_stay_where_others_cannot_be_shown() {
 #[test]
 fn after_an_edit_the_sun_shines_by_the_scenes_box_again() {
     let mut scene = scene();
-    scene.lights = vec![PunctualLight {
-        name: String::new(),
-        kind: LightKind::Directional,
-        intensity: [1.0; 3],
-    }];
-    scene.nodes.push(Node {
-        light: Some(0),
-        parent_from_node: DAffine3::from_rotation_x(-1.2),
-        ..Node::default()
-    });
-    scene.roots.push(2);
+    let turned = DAffine3::from_rotation_x(-1.2);
+    add_light(&mut scene, LightKind::Directional, 1.0, turned);
     let mut edited = renderer(&scene);
     // Photons come in over a square kilometre as long as the tile is so far away.
     let far = DAffine3::from_translation(DVec3::new(1e3, 0.0, 0.0));

@@ -6,7 +6,7 @@ use crate::frame::MapKind;
 use crate::gpu::ShaderLibrary;
 use crate::renderer::Renderer;
 use crate::renderer::test_support::{
-    context, direct_from_map, looking_ahead, nodes_of, replaced, walls,
+    context, direct_from_map, looking_ahead, replaced, scene_of, walls,
 };
 use crate::scene::{Image, Material, Scene, Texture, TextureRef};
 use crate::settings::Eyes;
@@ -36,8 +36,8 @@ fn scene() -> Scene {
         texcoord_from_uv: TextureRef::IDENTITY,
     });
     let texel = |i| if i == 3 { [255; 4] } else { [0, 0, 0, 255] };
+    let materials = vec![Material::lambert("plate", [0.5; 3]), shining];
     Scene {
-        materials: vec![Material::lambert("plate", [0.5; 3]), shining],
         images: vec![Image {
             name: "map".to_owned(),
             width: COLUMNS,
@@ -45,10 +45,7 @@ fn scene() -> Scene {
             rgba8: (0..COLUMNS).flat_map(texel).collect(),
         }],
         textures: vec![Texture::default()],
-        nodes: nodes_of(&meshes),
-        roots: vec![0, 1],
-        meshes,
-        ..Scene::default()
+        ..scene_of(materials, meshes)
     }
 }
 

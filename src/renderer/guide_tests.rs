@@ -5,9 +5,9 @@ use glam::{DAffine3, DQuat, DVec3};
 use stereolux_report::statistics;
 
 use crate::gpu::{GpuContext, ShaderLibrary};
-use crate::renderer::test_support::{context, looking_ahead, replaced, walls};
+use crate::renderer::test_support::{add_light, context, looking_ahead, replaced, scene_of, walls};
 use crate::renderer::{Eye, Renderer};
-use crate::scene::{Environment, LightKind, Material, Mesh, Node, PunctualLight, Scene};
+use crate::scene::{Environment, LightKind, Material, Mesh, Scene};
 use crate::settings::{Eyes, Force, RenderSettings, Reuse};
 
 const SIZE: u32 = 8;
@@ -42,16 +42,7 @@ fn room() -> Mesh {
 
 /// A room under an even sky, or in the sunlight that falls through its window.
 fn scene(mesh: Mesh, is_sunlit: bool) -> Scene {
-    let mut scene = Scene {
-        materials: vec![Material::lambert("wall", [0.7; 3])],
-        meshes: vec![mesh],
-        nodes: vec![Node {
-            mesh: Some(0),
-            ..Node::default()
-        }],
-        roots: vec![0],
-        ..Scene::default()
-    };
+    let mut scene = scene_of(vec![Material::lambert("wall", [0.7; 3])], vec![mesh]);
     if !is_sunlit {
         scene.environment = Some(Environment {
             width: 8,
@@ -61,20 +52,15 @@ fn scene(mesh: Mesh, is_sunlit: bool) -> Scene {
         });
         return scene;
     }
-    scene.lights.push(PunctualLight {
-        name: "sun".to_owned(),
-        kind: LightKind::Directional,
-        intensity: [3.0; 3],
-    });
     // Lights shine along -Z: from +X and above.
     let towards = DVec3::new(-0.8, -0.5, 0.2).normalize();
     let turned = DQuat::from_rotation_arc(DVec3::NEG_Z, towards);
-    scene.roots.push(1);
-    scene.nodes.push(Node {
-        parent_from_node: DAffine3::from_quat(turned),
-        light: Some(0),
-        ..Node::default()
-    });
+    add_light(
+        &mut scene,
+        LightKind::Directional,
+        3.0,
+        DAffine3::from_quat(turned),
+    );
     scene
 }
 

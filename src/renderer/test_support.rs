@@ -1,9 +1,9 @@
 //! What the renderer's own tests share: meshes, views, settings, shaders that are wrong on purpose.
 
-use glam::{DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 
 use crate::gpu::{GpuContext, ShaderLibrary};
-use crate::scene::{Mesh, Node};
+use crate::scene::{LightKind, Material, Mesh, Node, PunctualLight, Scene};
 use crate::settings::{DirectLight, RenderSettings, Reuse, Settings};
 use crate::xr::{Fov, View};
 
@@ -27,12 +27,33 @@ pub(super) fn walls(rectangles: &[[DVec3; 3]], material: u32) -> Mesh {
 }
 
 /// A node for each mesh, in the root's place.
-pub(super) fn nodes_of(meshes: &[Mesh]) -> Vec<Node> {
+pub(super) fn scene_of(materials: Vec<Material>, meshes: Vec<Mesh>) -> Scene {
     let node = |mesh| Node {
         mesh: Some(mesh),
         ..Node::default()
     };
-    (0..meshes.len()).map(node).collect()
+    Scene {
+        materials,
+        nodes: (0..meshes.len()).map(node).collect(),
+        roots: (0..meshes.len()).collect(),
+        meshes,
+        ..Scene::default()
+    }
+}
+
+/// A white light of its own node, `place` in the world.
+pub(super) fn add_light(scene: &mut Scene, kind: LightKind, intensity: f32, place: DAffine3) {
+    scene.roots.push(scene.nodes.len());
+    scene.nodes.push(Node {
+        light: Some(scene.lights.len()),
+        parent_from_node: place,
+        ..Node::default()
+    });
+    scene.lights.push(PunctualLight {
+        name: String::new(),
+        kind,
+        intensity: [intensity; 3],
+    });
 }
 
 /// A square view along -Z.

@@ -1,9 +1,11 @@
 //! What GPU tests share: one adapter, said aloud; renderers, views and scenes that are moved or scaled; the binary.
 
 use std::collections::BTreeMap;
+use std::io::Read as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output};
+use std::time::{Duration, Instant};
 
 use glam::{DAffine3, DQuat, DVec3};
 use serde_json::Value;
@@ -141,6 +143,22 @@ pub fn frame(renderer: &mut Renderer, views: &[View; 2]) -> FrameResult {
 /// Radiance of an eye.
 pub fn radiance(renderer: &Renderer, eye: Eye) -> Vec<[f32; 3]> {
     renderer.read_radiance(eye).unwrap().unwrap()
+}
+
+/// The left eye's images in frames of these numbers: streams are keyed by the frame, so they are independent where photons are
+/// traced anew.
+pub fn images_of(
+    renderer: &mut Renderer,
+    views: &[View; 2],
+    frames: Range<u32>,
+) -> Vec<Vec<[f32; 3]>> {
+    let of_frame = |frame| {
+        renderer.render_frame(views, frame, |_| {}).unwrap();
+        let image = radiance(renderer, Eye::Left);
+        assert_clean(&image, &format!("frame {frame}"));
+        image
+    };
+    frames.map(of_frame).collect()
 }
 
 /// Radiance of both eyes.
@@ -318,6 +336,34 @@ pub fn stereolux<S: AsRef<std::ffi::OsStr>>(args: &[S]) -> Output {
         command.args(["--adapter", adapter_name()]);
     }
     command.output().expect("the program starts")
+}
+
+/// Waits until `ready`; fails after five minutes with `what`, or when `child` has ended.
+pub fn wait_until(child: &mut Child, what: &str, mut ready: impl FnMut() -> bool) {
+    let began = Instant::now();
+    while !ready() {
+        if let Some(status) = child.try_wait().unwrap() {
+            let mut text = String::new();
+            if let Some(mut stderr) = child.stderr.take() {
+                let _ = stderr.read_to_string(&mut text);
+            }
+            panic!("ended ({status}) before {what}: {text}");
+        }
+        assert!(began.elapsed() < Duration::from_secs(300), "no {what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// Asks a program to end; what it printed.
+pub fn interrupt(child: Child) -> Output {
+    let asked = Command::new("kill").arg(child.id().to_string()).status();
+    assert!(asked.unwrap().success());
+    child.wait_with_output().unwrap()
+}
+
+/// Lines of a file so far; none if it is not there.
+pub fn lines(path: &Path) -> usize {
+    std::fs::read(path).map_or(0, |text| text.iter().filter(|&&byte| byte == b'\n').count())
 }
 
 /// Runs a command, its words parted by spaces, with `more` arguments behind them, into the folder `out`.

@@ -80,19 +80,17 @@ fn unreadable_files_are_named_in_one_line() {
     };
     assert!(refused(scratch.path()).contains("directory"));
     assert!(refused(&scratch.join("missing.exr")).contains("cannot be read"));
-    let write = |name: &str, bytes: &[u8]| {
-        fs::write(scratch.join(name), bytes).unwrap();
-        scratch.join(name)
-    };
-    assert!(refused(&write("empty.exr", &[])).contains("not an EXR"));
-    assert!(refused(&write("text.exr", b"hello, this is text")).contains("not an EXR"));
+    for (name, text) in [("empty.exr", ""), ("text.exr", "hello, this is text")] {
+        assert!(refused(&scratch.write(name, text)).contains("not an EXR"));
+    }
     // Cut at every length, header and pixels alike: an error each time, never a panic.
     for length in (4..bytes.len()).step_by(7) {
-        refused(&write("cut.exr", &bytes[..length]));
+        refused(&scratch.write("cut.exr", &bytes[..length]));
     }
-    refused(&write("cut.png", &png_bytes[..png_bytes.len() / 2]));
+    refused(&scratch.write("cut.png", &png_bytes[..png_bytes.len() / 2]));
     // The content decides, not the name.
-    assert_eq!(read_image(&write("really.png", &bytes)).unwrap(), sample());
+    let really = scratch.write("really.png", &bytes);
+    assert_eq!(read_image(&really).unwrap(), sample());
 }
 
 #[test]

@@ -3,11 +3,11 @@
 
 use glam::{DAffine3, DQuat, DVec3};
 
-use crate::gpu::{GpuContext, ShaderLibrary};
-use crate::renderer::test_support::mesh;
+use crate::gpu::ShaderLibrary;
+use crate::renderer::test_support::{add_light, context, mesh, scene_of};
 use crate::renderer::{Eye, InstanceId, Renderer};
-use crate::scene::{LightKind, Material, Mesh, Node, PunctualLight, Scene};
-use crate::settings::{Eyes, Kept, Method, RenderSettings, Reuse, Settings};
+use crate::scene::{LightKind, Material, Mesh, Scene};
+use crate::settings::{Eyes, Kept, Method, RenderSettings, Reuse};
 use crate::xr::{Fov, View};
 
 const SIZE: u32 = 32;
@@ -60,29 +60,10 @@ fn cap(radius_m: f64, material: u32) -> Mesh {
 }
 
 fn scene(first: Material, meshes: [Mesh; 2]) -> Scene {
-    let mut scene = Scene {
-        materials: vec![first, Material::lambert("wall", [0.5; 3])],
-        ..Scene::default()
-    };
-    for mesh in meshes {
-        scene.nodes.push(Node {
-            mesh: Some(scene.meshes.len()),
-            ..Node::default()
-        });
-        scene.roots.push(scene.meshes.len());
-        scene.meshes.push(mesh);
-    }
-    scene.lights.push(PunctualLight {
-        name: "lamp".to_owned(),
-        kind: LightKind::Point,
-        intensity: [1.0; 3],
-    });
-    scene.roots.push(scene.nodes.len());
-    scene.nodes.push(Node {
-        parent_from_node: DAffine3::from_translation(DVec3::new(0.0, 2.5, EYE_M)),
-        light: Some(0),
-        ..Node::default()
-    });
+    let materials = vec![first, Material::lambert("wall", [0.5; 3])];
+    let mut scene = scene_of(materials, meshes.into());
+    let place = DAffine3::from_translation(DVec3::new(0.0, 2.5, EYE_M));
+    add_light(&mut scene, LightKind::Point, 1.0, place);
     scene
 }
 
@@ -101,9 +82,16 @@ fn settings() -> RenderSettings {
 }
 
 fn renderer(scene: &Scene) -> Renderer {
-    let context = GpuContext::open(Some(&Settings::default().adapter)).unwrap();
     let library = ShaderLibrary::embedded();
-    Renderer::new(context, &library, scene, &settings(), Eyes::Both, [SIZE; 2]).unwrap()
+    Renderer::new(
+        context(),
+        &library,
+        scene,
+        &settings(),
+        Eyes::Both,
+        [SIZE; 2],
+    )
+    .unwrap()
 }
 
 /// Of an eye before the first surface, `aside` from the axis.

@@ -5,11 +5,12 @@ use std::f64::consts::PI;
 
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::renderer::{Eye, InstanceId, Renderer};
-use stereolux::scene::{AlphaMode, Environment, Material, Scene};
+use stereolux::scene::{AlphaMode, Material, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::hard_support::{add, eyes_at, eyes_at_origin, quad};
+use super::lights_sampling::map_of;
 use super::support::{
     both_bits, builtin, mean, method, parallel_views, play, radiance, renderer, square_fov,
     start_pose, start_views, statistics,
@@ -324,18 +325,18 @@ fn a_lamp_thinner_than_a_pixel_keeps_its_energy() {
 fn a_sun_smaller_than_a_pixel_keeps_its_light_as_the_head_turns() {
     // Straight ahead a pixel of 3.6 degrees is 2.5 texels of 1.4 degrees wide.
     let (width, height, radiance_of_sun) = (256, 128, 1000.0);
-    let mut texels = vec![[0.0; 3]; width * height];
-    texels[60 * width + 130] = [radiance_of_sun as f32; 3];
+    let texel = |x, y| {
+        [if (x, y) == (130, 60) {
+            radiance_of_sun as f32
+        } else {
+            0.0
+        }; 3]
+    };
     let scene = Scene {
-        environment: Some(Environment {
-            width: width as u32,
-            height: height as u32,
-            radiance: texels,
-            name: "sun".to_owned(),
-        }),
+        environment: Some(map_of([width, height], texel)),
         ..Scene::default()
     };
-    let step = PI / height as f64;
+    let step = PI / f64::from(height);
     let (elevation, azimuth) = (3.5 * step, 2.5 * step);
     let towards = DQuat::from_rotation_y(-azimuth) * DQuat::from_rotation_x(elevation);
     let mut renderer = renderer(&scene, &sequence(Method::Photon, Reuse::Off), [SIZE, SIZE]);

@@ -3,7 +3,7 @@
 
 use glam::{DQuat, DVec3};
 use stereolux::renderer::Eye;
-use stereolux::scene::{Scene, ScenePose};
+use stereolux::scene::{Instance, Scene, ScenePose};
 use stereolux::settings::Reuse;
 use stereolux::xr::{Pose, View};
 
@@ -17,26 +17,17 @@ struct Placed {
 }
 
 fn placed(scene: &Scene, pose: &ScenePose) -> Vec<Placed> {
-    let instances = scene.instances().into_iter();
-    instances
-        .map(|instance| {
-            let mesh = &scene.meshes[instance.mesh];
-            let deforms = scene.deforms(instance.node);
-            let (world, positions) = if deforms {
-                let deformation = scene.deformation(instance.node, pose);
-                (deformation.world_from_object, deformation.positions(mesh))
-            } else {
-                let positions = mesh.positions.iter().map(|p| DVec3::from(p.map(f64::from)));
-                (pose.world_from_node[instance.node], positions.collect())
-            };
-            let corner = |vertex: u32| world.transform_point3(positions[vertex as usize]);
-            let triangles = mesh.triangles.iter().map(|t| t.vertices.map(corner));
-            Placed {
-                deforms,
-                triangles: triangles.collect(),
-            }
-        })
-        .collect()
+    let place = |instance: &Instance| {
+        let mesh = &scene.meshes[instance.mesh];
+        let positions = scene.positions_in_world(instance.node, mesh, pose);
+        let corner = |vertex: u32| positions[vertex as usize];
+        let triangles = mesh.triangles.iter().map(|t| t.vertices.map(corner));
+        Placed {
+            deforms: scene.deforms(instance.node),
+            triangles: triangles.collect(),
+        }
+    };
+    scene.instances().iter().map(place).collect()
 }
 
 /// Where a ray meets a scene: instance, triangle and the weights of its second and third corner.

@@ -7,6 +7,7 @@ use stereolux::renderer::{Eye, Renderer};
 use stereolux::scene::{Scene, load_environment};
 use stereolux::settings::{Eyes, Force, ForceSettings, Method, Reuse};
 
+use super::layout::changed;
 use super::support::{
     builtin, frame, parallel_views, radiance, rendered, renderer_by, settings, square_fov,
     start_pose,
@@ -145,11 +146,11 @@ fn records_in_textures_render_the_same_image() {
 /// What embedded kernels are to Vulkan says what their WGSL says, which wgpu is left to translate where a module is changed.
 #[test]
 fn kernels_are_what_wgpu_makes_of_them() {
-    let mut changed = ShaderLibrary::embedded();
-    let is_math = |(name, _): &(&str, &str)| *name == "shared/math";
-    let (_, math) = changed.sources().find(is_math).unwrap();
-    let math = format!("{math}\n// Not as it was.");
-    changed.insert("shared/math", math);
+    let changed = changed(
+        "shared/math",
+        "// Constants",
+        "// Not as they were: constants",
+    );
     let scene = builtin("gallery");
     let views = parallel_views(start_pose(&scene), 0.06, square_fov(40.0));
     for method in [Method::Path, Method::Photon] {

@@ -9,7 +9,7 @@ use stereolux::frame::listing::{memory, uses};
 use stereolux::frame::plan::on_demand;
 use stereolux::frame::run::{named, specialised};
 use stereolux::frame::step::Action;
-use stereolux::frame::{ImageLayout, Only, PlannedStage, SAMPLES_PER_SUBMISSION, Stage, Step};
+use stereolux::frame::{ImageLayout, PlannedStage, SAMPLES_PER_SUBMISSION, Stage, Step};
 use stereolux::gpu::kernel::{BindingKind, reflect_bindings};
 use stereolux::gpu::{ShaderFeatures, ShaderLibrary};
 use stereolux::renderer::{PlannedScene, Renderer, plan_of_scene};
@@ -324,10 +324,10 @@ fn a_wrong_name_and_a_pass_that_writes_what_it_reads_are_found() {
 }
 
 /// Labels of the passes of a stage, as often as they run.
-fn labels(stages: &[PlannedStage], stage: Stage, only: impl Fn(Only) -> bool) -> Vec<String> {
+fn labels(stages: &[PlannedStage], stage: Stage) -> Vec<String> {
     let planned = stages.iter().filter(|planned| planned.stage == stage);
     let steps = planned.flat_map(|planned| &planned.steps);
-    let steps = steps.filter(|step| step.pass().is_some() && only(step.only));
+    let steps = steps.filter(|step| step.pass().is_some());
     steps.map(|step| step.label.clone()).collect()
 }
 
@@ -337,7 +337,7 @@ fn runs_as_planned(renderer: &mut Renderer, spp: u32, way: &str) {
     for frame in 0..2 {
         let result = renderer.render_frame(&views, frame, |_| {}).unwrap();
         let stages = renderer.plan();
-        let of = |stage| labels(&stages, stage, |_| true);
+        let of = |stage| labels(&stages, stage);
         let mut expected = Vec::new();
         if frame == 0 {
             for planned in &stages {
@@ -375,14 +375,14 @@ fn a_new_pose_and_equal_eyes_run_the_plans_stages() {
     renderer.render_frame(&view, 0, |_| {}).unwrap();
     let rest = renderer.render_frame(&view, 1, |_| {}).unwrap();
     let stages = renderer.plan();
-    let right = labels(&stages, Stage::RightEqual, |_| true);
+    let right = labels(&stages, Stage::RightEqual);
     let rest = rest.times.dispatched;
     assert!(rest.ends_with(&right), "{rest:?}");
     assert!(!rest.iter().any(|label| label.starts_with("pose.")));
     let pose = torn(&scene, 0.3);
     renderer.set_pose(&pose);
     let moved = renderer.render_frame(&view, 2, |_| {}).unwrap();
-    let posed = labels(&stages, Stage::Pose, |_| true);
+    let posed = labels(&stages, Stage::Pose);
     let begins = moved.times.dispatched.starts_with(&posed);
     assert!(posed.len() > 2 && begins, "{posed:?}");
 }

@@ -3,7 +3,7 @@
 // What the tests here take from other subjects.
 use crate::suite::{
     bvh::deforming, bvh::trace_probe, stereo::cornell, support, transport::hard_support,
-    xr::openxr_runtime, xr::openxr_support,
+    transport::lights_sampling, xr::openxr_runtime, xr::openxr_support,
 };
 
 pub mod anti_aliasing;

@@ -44,28 +44,21 @@ fn made_by(renderer: &mut Renderer, scene: &Scene, index: u32) -> u64 {
     renderer.context().resources_made() - before
 }
 
-/// A change of quality.
-struct Change {
-    name: &'static str,
-    change: fn(&mut Quality),
-}
+/// A change of quality and its name.
+type Change = (&'static str, fn(&mut Quality));
 
-const fn change(name: &'static str, change: fn(&mut Quality)) -> Change {
-    Change { name, change }
-}
-
-const SCALE: Change = change("scale", |q| q.resolution_scale = 0.6);
-const PHOTONS: Change = change("photons", |q| q.photons_per_frame = 1111);
-const NO_PHOTONS: Change = change("no photons", |q| q.photons_per_frame = 0);
-const SHARES: Change = change("shares", |q| q.photon_shares = 1);
-const DEPTH: Change = change("depth", |q| q.max_depth = 3);
-const CANDIDATES: Change = change("candidates", |q| q.light_candidates = 9);
-const ONE_CANDIDATE: Change = change("one candidate", |q| q.light_candidates = 1);
-const FULL_RATE: Change = change("full rate", |q| q.half_rate = false);
-const ONE_PASS: Change = change("one pass", |q| q.filter_passes = 1);
-const NO_PASSES: Change = change("no passes", |q| q.filter_passes = 0);
-const NO_REUSE: Change = change("no reuse", |q| q.reuse = false);
-const ALL: Change = change("all", |q| {
+const SCALE: Change = ("scale", |q| q.resolution_scale = 0.6);
+const PHOTONS: Change = ("photons", |q| q.photons_per_frame = 1111);
+const NO_PHOTONS: Change = ("no photons", |q| q.photons_per_frame = 0);
+const SHARES: Change = ("shares", |q| q.photon_shares = 1);
+const DEPTH: Change = ("depth", |q| q.max_depth = 3);
+const CANDIDATES: Change = ("candidates", |q| q.light_candidates = 9);
+const ONE_CANDIDATE: Change = ("one candidate", |q| q.light_candidates = 1);
+const FULL_RATE: Change = ("full rate", |q| q.half_rate = false);
+const ONE_PASS: Change = ("one pass", |q| q.filter_passes = 1);
+const NO_PASSES: Change = ("no passes", |q| q.filter_passes = 0);
+const NO_REUSE: Change = ("no reuse", |q| q.reuse = false);
+const ALL: Change = ("all", |q| {
     *q = Quality {
         resolution_scale: 0.4,
         photons_per_frame: q.photons_per_frame / 3,
@@ -110,7 +103,7 @@ fn changed_and_made(scene: &str, settings: &RenderSettings, has_history: bool, c
             made_by(renderer, &scene, 0);
         }
     }
-    for Change { name, change } in changes {
+    for (name, change) in changes {
         if has_history {
             told = renderer(&scene, settings, SIZE);
             made_by(&mut told, &scene, 0);
@@ -216,7 +209,7 @@ fn reconstruction_from_the_first_frame_on() {
 fn history_begins_anew_with_the_resolution_and_with_nothing_else() {
     let scene = builtin("cornell");
     let settings = reconstructed();
-    for Change { name, change } in [SCALE, DEPTH, CANDIDATES, ONE_PASS, NO_PASSES, NO_REUSE] {
+    for (name, change) in [SCALE, DEPTH, CANDIDATES, ONE_PASS, NO_PASSES, NO_REUSE] {
         let mut told = renderer(&scene, &settings, SIZE);
         for index in 0..3 {
             shown(&mut told, &scene, index);
@@ -228,7 +221,7 @@ fn history_begins_anew_with_the_resolution_and_with_nothing_else() {
         told.set_quality(&quality).unwrap();
         let first = [&mut told, &mut made].map(|one| shown(one, &scene, 3));
         let still = told.reconstruction().unwrap().still_frames();
-        if name == SCALE.name {
+        if name == SCALE.0 {
             assert!(first[0] == first[1], "history of another resolution");
             assert_eq!(still, 1);
         } else {
@@ -320,7 +313,7 @@ fn a_rebuilt_and_resized_renderer_keeps_its_quality() {
     let settings = settings(|s| s.reuse = Reuse::Lookup);
     let mut renderer = renderer(&scene, &settings, SIZE);
     let mut quality = renderer.most_quality();
-    (ALL.change)(&mut quality);
+    (ALL.1)(&mut quality);
     renderer.set_quality(&quality).unwrap();
     let as_told = shown(&mut renderer, &scene, 0);
     let successor = renderer.rebuild().build(&library, &scene).unwrap();

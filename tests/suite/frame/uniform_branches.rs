@@ -10,6 +10,7 @@ use stereolux::frame::passes;
 use stereolux::frame::run::specialised;
 use stereolux::gpu::ShaderLibrary;
 
+use super::layout::changed;
 use super::shaders::kinds_of_scene;
 use crate::suite::branches::uniform_branches;
 
@@ -39,16 +40,12 @@ fn no_loop_is_decided_by_uniforms_alone() {
 
 #[test]
 fn the_search_finds_russian_roulette_behind_its_flag() {
-    let mut library = ShaderLibrary::embedded();
     let name = passes::path_trace.shader_name();
-    let (_, source) = library.sources().find(|(n, _)| *n == name).unwrap();
-    let ends = "if u_roulette >= survival {";
-    assert_eq!(source.matches(ends).count(), 1);
-    let changed = source.replace(
-        ends,
+    let library = changed(
+        &name,
+        "if u_roulette >= survival {",
         "if is_roulette { if u_roulette >= survival { return false; } } if u_roulette > 1.0 {",
     );
-    library.insert(&name, changed);
     let features = specialised(&passes::path_trace, &kinds_of_scene().remove(1), true);
     let shader = library.compile(&name, &features).unwrap();
     let found = uniform_branches(&shader.module, &shader.wgsl);

@@ -4,15 +4,16 @@ use std::process::Output;
 
 use stereolux::images::read_image;
 
-use super::support::{Folder, assert_says, assert_success, run_into, stderr, stereolux};
+use super::support::{
+    Folder, RAW_FRAMES, assert_says, assert_success, run_into, stderr, stereolux,
+};
 
 /// Runs `command` with a config file of this text; `files` lie beside it.
 fn start(folder: &Folder, command: &str, text: &str, files: &[(&str, &str)]) -> Output {
     for (name, source) in files {
-        std::fs::write(folder.join(name), source).unwrap();
+        folder.write(name, source);
     }
-    let config = folder.join("own.toml");
-    std::fs::write(&config, text).unwrap();
+    let config = folder.write("own.toml", text);
     let more = ["--config", config.to_str().unwrap()];
     run_into(&folder.join("out"), command, &more)
 }
@@ -101,87 +102,51 @@ fn every_fault_of_a_pass_is_one_line_and_leaves_nothing() {
     let no_file = pass("mine", "eye_combine", "other.wesl");
     let misspelt = named("mine").replace("after", "afther");
     let mine = named("mine");
-    let faults = |case: &str, passes: &str, source: &str, words: &[&str]| {
-        println!("{case}");
+    let no_table = "\npass = 3\n".to_owned();
+    // Names that are unknown, not in this plan, over no image; a circle; names that are taken and no names; faults of the
+    // shader; files that are not there, misspelt, no table.
+    for (passes, source, says) in [
+        (&own("eye_combin"), &good, "eye_combin; \"eye_combine\""),
+        (&own("svgf_atrous"), &good, "svgf_atrous; does not run"),
+        (&own("photon_append"), &good, "photon_append; does not run"),
+        (&circle, &good, "circle of a, b"),
+        (&named("taa"), &good, "another pass"),
+        (&named("Mine!"), &good, "small letters"),
+        (&mine, &no_buffer, "hit_rayz; no buffer"),
+        (&mine, &unwritten, "seen_surfaces; no pass writes"),
+        (&mine, &broken, "mine.wesl"),
+        (&mine, &no_main, "main"),
+        (&no_file, &good, "other.wesl; cannot be read"),
+        (&misspelt, &good, "own.toml:1; afther"),
+        (&no_table, &good, "own.toml:2; [[pass]]"),
+    ] {
+        println!("{says}");
+        let words: Vec<&str> = says.split("; ").collect();
         let folder = Folder::new("own_pass_fault");
         let output = render(&folder, passes, &[("mine.wesl", source)]);
         let error = stderr(&output);
-        assert_eq!(output.status.code(), Some(2), "{case}: {error}");
-        assert_says(error.lines().last().unwrap_or_default(), words);
+        assert_eq!(output.status.code(), Some(2), "{says}: {error}");
+        assert_says(error.lines().last().unwrap_or_default(), &words);
         let errors = error.lines().filter(|line| line.contains("error"));
-        assert_eq!(errors.count(), 1, "{case}: {error}");
-        assert!(!folder.join("out").exists(), "{case} left files");
-        let config = folder.join("own.toml");
+        assert_eq!(errors.count(), 1, "{says}: {error}");
+        assert!(!folder.join("out").exists(), "{says} left files");
+        let config = folder.join("own.toml").display().to_string();
         // `info` shows the frame of `run`, which has filters where `render` has none.
-        let [svgf, taa, still] =
-            ["svgf", "taa", "still"].map(|key| format!("reconstruct.{key}=off"));
-        let config = config.to_str().unwrap();
-        let info = stereolux(&[
-            "info",
-            "--scene=builtin:cornell",
-            "--config",
-            config,
-            "--set",
-            &svgf,
-            "--set",
-            &taa,
-            "--set",
-            &still,
-        ]);
+        let command = ["info", "--scene=builtin:cornell", "--config", &config];
+        let info = stereolux(&[&command[..], &RAW_FRAMES].concat());
         // Which buffers there are besides the frame's own, a renderer knows.
-        let is_of_buffers = ["no such buffer", "nobody writes it"].contains(&case);
+        let is_of_buffers = [&no_buffer, &unwritten].contains(&source);
         let status = if is_of_buffers { 0 } else { 2 };
-        assert_eq!(
-            info.status.code(),
-            Some(status),
-            "{case}: {}",
-            stderr(&info)
-        );
-    };
-    let refused = |case: &str, passes: &str, words: &[&str]| faults(case, passes, &good, words);
-    refused(
-        "unknown name",
-        &own("eye_combin"),
-        &["eye_combin", "\"eye_combine\""],
-    );
-    refused(
-        "not in this plan",
-        &own("svgf_atrous"),
-        &["svgf_atrous", "does not run"],
-    );
-    refused(
-        "over no image",
-        &own("photon_append"),
-        &["photon_append", "does not run"],
-    );
-    refused("a circle", &circle, &["circle of a, b"]);
-    refused("a name that is taken", &named("taa"), &["another pass"]);
-    refused("a name that is none", &named("Mine!"), &["small letters"]);
-    faults(
-        "no such buffer",
-        &mine,
-        &no_buffer,
-        &["hit_rayz", "no buffer"],
-    );
-    faults(
-        "nobody writes it",
-        &mine,
-        &unwritten,
-        &["seen_surfaces", "no pass writes"],
-    );
-    faults("a broken shader", &mine, &broken, &["mine.wesl"]);
-    faults("no entry point", &mine, &no_main, &["main"]);
-    refused("no such file", &no_file, &["other.wesl", "cannot be read"]);
-    refused("a misspelt key", &misspelt, &["own.toml:1", "afther"]);
-    refused("no table", "\npass = 3\n", &["own.toml:2", "[[pass]]"]);
+        let error = stderr(&info);
+        assert_eq!(info.status.code(), Some(status), "{says}: {error}");
+    }
 }
 
 #[test]
 fn the_viewer_refuses_a_pass_that_follows_nothing_before_it_opens_a_window() {
     let folder = Folder::new("own_pass_view");
-    let config = folder.join("own.toml");
-    std::fs::write(folder.join("mine.wesl"), green("hit_rays")).unwrap();
-    std::fs::write(&config, pass("mine", "eye_combin", "mine.wesl")).unwrap();
+    folder.write("mine.wesl", green("hit_rays"));
+    let config = folder.write("own.toml", pass("mine", "eye_combin", "mine.wesl"));
     let output = stereolux(&["view", "--config", config.to_str().unwrap()]);
     let error = stderr(&output);
     assert_eq!(output.status.code(), Some(2), "{error}");
@@ -201,8 +166,7 @@ fn the_examples_change_the_picture_as_they_say() {
         read_image(&path).unwrap().pixels
     };
     let black = |image: &[[f32; 3]]| image.iter().filter(|pixel| **pixel == [0.0; 3]).count();
-    let plain = folder.join("plain.toml");
-    std::fs::write(&plain, "reconstruct.taa = true\n").unwrap();
+    let plain = folder.write("plain.toml", "reconstruct.taa = true\n");
     let plain = black(&example(plain.to_str().unwrap(), "plain"));
     let outlined = black(&example(&format!("{examples}/outline.toml"), "outline"));
     // Columns, arches and exhibits: a good part of so small a picture, and not most of it.

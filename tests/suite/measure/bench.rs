@@ -3,13 +3,13 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use stereolux::images::read_image;
 
 use crate::suite::support::{
-    Folder, adapter_name, assert_says, assert_success, json, run_into, stderr, words,
+    Folder, adapter_name, assert_says, assert_success, interrupt, json, lines, run_into, stderr,
+    wait_until, words,
 };
 
 /// A suite small enough for the tests: what it measures means nothing, how it is written does.
@@ -27,18 +27,8 @@ fn smoking(out: &Path, stderr: Stdio) -> Child {
         .unwrap()
 }
 
-fn lines(path: &Path) -> usize {
-    std::fs::read(path).map_or(0, |bytes| bytes.iter().filter(|&&b| b == b'\n').count())
-}
-
 fn wait_for_rows(child: &mut Child, journal: &Path, rows: usize) {
-    let began = Instant::now();
-    while lines(journal) < rows {
-        // It must not end before it can be killed.
-        assert!(child.try_wait().unwrap().is_none());
-        assert!(began.elapsed() < Duration::from_secs(300), "no rows");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    wait_until(child, "rows", || lines(journal) >= rows);
 }
 
 /// Fields of a line of CSV (RFC 4180).
@@ -112,9 +102,7 @@ fn an_interrupted_suite_says_how_to_go_on() {
     let journal = out.join("journal.jsonl");
     let mut child = smoking(&out, Stdio::piped());
     wait_for_rows(&mut child, &journal, 1);
-    let asked = Command::new("kill").arg(child.id().to_string()).status();
-    assert!(asked.unwrap().success());
-    let output = child.wait_with_output().unwrap();
+    let output = interrupt(child);
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
     let says = ["the same command goes on from there", "interrupted after"];

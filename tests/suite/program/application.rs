@@ -315,8 +315,7 @@ fn quality_is_recorded_and_replayed_to_the_bit() {
     }
     // What the renderer is not made for is refused before anything is lost.
     let text = text.replace("\"photons_per_frame\":1024", "\"photons_per_frame\":4096");
-    let beyond = at("beyond.jsonl");
-    std::fs::write(&beyond, text).unwrap();
+    let beyond = folder.write("beyond.jsonl", text);
     let kept = exrs(&at("other"));
     let words = [with_trace("trace", &beyond)];
     let words = words.each_ref().map(String::as_str);

@@ -33,10 +33,7 @@ pub fn render_into(out: &Path, args: &[&str]) -> Output {
 #[test]
 fn bad_input_is_one_clear_line_and_leaves_nothing() {
     let folder = Folder::new("bad-input");
-    let put = |name: &str, bytes: &[u8]| {
-        std::fs::write(folder.join(name), bytes).unwrap();
-        folder.join(name).display().to_string()
-    };
+    let put = |name: &str, bytes: &[u8]| folder.write(name, bytes).display().to_string();
     let glb = stereolux::scene::builtin::glb("cornell").unwrap();
     let gltf = |nodes: &str, more: &str| {
         format!(

@@ -230,14 +230,11 @@ fn config_files_that_cannot_be_read() {
     let refused = |path: &Path| Layers::default().add_file(path).unwrap_err().to_string();
     assert!(refused(directory.path()).contains("directory"));
     assert!(refused(&directory.join("missing.toml")).contains("cannot be read"));
-    let binary = directory.join("binary.toml");
-    std::fs::write(&binary, b"spp = 1\n\xff\xfe").unwrap();
+    let binary = directory.write("binary.toml", b"spp = 1\n\xff\xfe");
     assert_says(&refused(&binary), &["binary.toml:2: "]);
-    let huge = directory.join("huge.toml");
-    std::fs::write(&huge, vec![b'#'; (1 << 20) + 1]).unwrap();
+    let huge = directory.write("huge.toml", vec![b'#'; (1 << 20) + 1]);
     assert!(refused(&huge).contains("longer than"));
-    let fine = directory.join("fine.toml");
-    std::fs::write(&fine, "spp = 9\r\n").unwrap();
+    let fine = directory.write("fine.toml", "spp = 9\r\n");
     let mut layers = Layers::default();
     layers.add_file(&fine).unwrap();
     assert_eq!(layers.finish().unwrap().render.spp, 9);

@@ -8,7 +8,8 @@ use stereolux::images::{read_image, srgb_encode};
 
 use super::commands::ONE_FRAME;
 use crate::suite::support::{
-    Folder, adapter_name, assert_says, assert_success, json, run_into, stderr, words,
+    Folder, adapter_name, assert_says, assert_success, interrupt, json, run_into, stderr,
+    wait_until, words,
 };
 
 fn run(folder: &Folder, frames: &str, more: &[&str]) -> std::process::Output {
@@ -31,10 +32,10 @@ fn files_of_an_older_run_go_and_others_stay() {
     let old = folder.files().len();
     assert_eq!(old, 3 * (2 * 4 + 2) + 3);
     // What a run that was killed was writing.
-    std::fs::write(folder.join("out/.frame_0002_left.exr.77.partial"), "half").unwrap();
+    folder.write("out/.frame_0002_left.exr.77.partial", "half");
     let mine = ["frame_0001_left_mine.exr", "notes.txt", "view_0000.png"];
     for name in mine {
-        std::fs::write(folder.join("out").join(name), "mine").unwrap();
+        folder.write(&format!("out/{name}"), "mine");
     }
     let second = run(&folder, "1", &[]);
     let removed = format!("removed {} files of an older run", old - 1 + 1);
@@ -63,9 +64,8 @@ fn a_run_that_fails_says_so_in_run_json() {
 #[test]
 fn a_run_that_is_refused_takes_nothing_away() {
     let folder = Folder::new("refused-run");
-    let recording = folder.join("recording.jsonl");
     let mine = r#"{"format":"stereolux-trace","version":1,"headset":"mine"}"#;
-    std::fs::write(&recording, mine).unwrap();
+    let recording = folder.write("recording.jsonl", mine);
     let record = ["--record", recording.to_str().unwrap()];
     // Nobody can make a folder there.
     let output = run_into(
@@ -104,15 +104,9 @@ fn a_frame_is_broken_off_between_its_samples() {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        while !out.join("stats.jsonl").exists() {
-            assert!(child.try_wait().unwrap().is_none());
-            std::thread::sleep(std::time::Duration::from_millis(5));
-        }
-        let killed = Command::new("kill")
-            .args(["-TERM", &child.id().to_string()])
-            .status();
-        assert!(killed.unwrap().success());
-        let output = child.wait_with_output().unwrap();
+        let stats = out.join("stats.jsonl");
+        wait_until(&mut child, "statistics", || stats.exists());
+        let output = interrupt(child);
         assert_eq!(output.status.code(), Some(1), "{output:?}");
         assert_says(&stderr(&output), &["interrupted after 0 frames"]);
         assert_eq!(json(&out.join("run.json"))["frames"], 0);

@@ -148,12 +148,11 @@ impl App for Counter {
 fn script(folder: &Folder, at: &Pose) -> String {
     let [x, y, z] = at.position.to_array();
     let turn = at.orientation.to_array();
-    let path = folder.join("hands.toml");
     let text = format!(
         "[[right]]\nat_s = 0.0\nposition_m = [{x:?}, {y:?}, {z:?}]\norientation = {turn:?}\n\
          [[right]]\nat_s = 0.03\npress = [\"trigger\"]\n[[right]]\nat_s = 0.06\npress = []\n"
     );
-    std::fs::write(&path, text).unwrap();
+    let path = folder.write("hands.toml", text);
     format!("--set=simulated.hands={}", path.display())
 }
 

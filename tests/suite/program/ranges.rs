@@ -79,8 +79,8 @@ fn two_halves_are_the_whole_run_bit_for_bit() {
         again(&first, &second, "adapter.name");
         run(&second, scene, &["--range", "3..6", "--seed", "5"]);
         again(&first, &second, "settings_hash");
-        let hands = folder.join("hands.toml");
-        std::fs::write(&hands, "[[left]]\nat_s = 0.02\npress = ['primary']\n").unwrap();
+        let hands = "[[left]]\nat_s = 0.02\npress = ['primary']\n";
+        let hands = folder.write("hands.toml", hands);
         let hands = format!("--set=simulated.hands={}", hands.display());
         run(&second, scene, &["--range", "3..6", &hands]);
         again(&first, &second, "settings.simulated");

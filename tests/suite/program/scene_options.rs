@@ -18,8 +18,7 @@ use crate::suite::support::{
 fn triangle(folder: &Folder, name: &str, size: f64, camera: bool) -> String {
     let corners = [-0.5_f32, -0.5, 0.0, 0.5, -0.5, 0.0, 0.0, 0.5, 0.0];
     let bytes = corners.map(|c| (c * size as f32).to_le_bytes());
-    let bytes = bytes.as_flattened();
-    std::fs::write(folder.join(&format!("{name}.bin")), bytes).unwrap();
+    folder.write(&format!("{name}.bin"), bytes.as_flattened());
     let half = size / 2.0;
     let (nodes, cameras) = match camera {
         true => (
@@ -36,8 +35,7 @@ fn triangle(folder: &Folder, name: &str, size: f64, camera: bool) -> String {
             "min":[-{half},-{half},0],"max":[{half},{half},0]}}],
         "bufferViews":[{{"buffer":0,"byteLength":36}}],"buffers":[{{"byteLength":36,"uri":"{name}.bin"}}]}}"#
     );
-    let path = folder.join(&format!("{name}.gltf"));
-    std::fs::write(&path, text).unwrap();
+    let path = folder.write(&format!("{name}.gltf"), text);
     path.display().to_string()
 }
 

@@ -47,8 +47,8 @@ impl App for Teleports {
 fn an_arc_lands_where_a_fall_does_and_the_wearer_is_there_in_the_next_frame() {
     let folder = Folder::new("teleport");
     let trace = folder.join("trace.jsonl");
-    let hands = folder.join("hands.toml");
-    std::fs::write(&hands, "[[right]]\nat_s = 0.0\noffset_m = [0, 0, 0]\n").unwrap();
+    let hands = "[[right]]\nat_s = 0.0\noffset_m = [0, 0, 0]\n";
+    let hands = folder.write("hands.toml", hands);
     let silent = ["--scene=builtin:gallery", "--set=output.images=false"];
     let mut live = Teleports::default();
     let hands = format!("--set=simulated.hands={}", hands.display());

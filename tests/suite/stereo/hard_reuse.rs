@@ -10,11 +10,12 @@ use stereolux::xr::{Pose, View};
 
 use super::lookup::varnished_cornell;
 use super::support::{
-    builtin, parallel_views, radiance, renderer_by, settings, square_fov, start_pose, statistics,
+    builtin, mean, parallel_views, radiance, renderer_by, settings, square_fov, start_pose,
+    statistics,
 };
 use crate::suite::bvh::deforming::torn;
 use crate::suite::frame::layout::changed;
-use crate::suite::transport::hard_support::{add, add_sun, constant_environment, quad};
+use crate::suite::transport::hard_support::{add, add_sun, constant_environment, quad, tiles};
 
 const SIZE: usize = 32;
 /// Blocks along a side.
@@ -135,15 +136,9 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
 
 /// Luminance (plain mean of channels) of each block and of all.
 fn blocks(image: &[[f32; 3]]) -> Vec<f64> {
-    let side = SIZE / BLOCKS;
-    let mut sums = vec![0.0; BLOCKS * BLOCKS + 1];
-    for (at, color) in image.iter().enumerate() {
-        let block = at / SIZE / side * BLOCKS + at % SIZE / side;
-        let light = color.iter().map(|c| f64::from(*c)).sum::<f64>() / 3.0;
-        sums[block] += light / (side * side) as f64;
-        sums[BLOCKS * BLOCKS] += light / (SIZE * SIZE) as f64;
-    }
-    sums
+    let mut all = tiles(image, SIZE, SIZE / BLOCKS);
+    all.push(mean(image));
+    all
 }
 
 /// Whether means are alike: within 3 standard errors and 0.5 % over the image, and 4 and 1 % in each block, as 400 of them are

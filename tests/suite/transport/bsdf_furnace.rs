@@ -8,7 +8,7 @@ use stereolux::scene::Material;
 use super::bsdf_probe::{
     BACK, BsdfAnswer, BsdfProbe, BsdfQuery, DELTA, NONE, PHOTONS, TRANSMITTED, at_angle, wide,
 };
-use super::bsdf_twin::{Twin, fresnel};
+use super::bsdf_twin::{Twin, direction, fresnel};
 use super::chi_square::integrate;
 use super::lights_sampling::mean_and_error;
 use super::support::context;
@@ -132,10 +132,7 @@ fn layer_over_base_returns_what_the_standard_says() {
     furnace(&["glossy"], &materials, 0, |index, degrees, samples| {
         let twin = Twin::new(&materials[index], 0);
         let wo = wide(at_angle(degrees, 0.3)).normalize();
-        let reflected = |z: f64, phi: f64| {
-            let r = (1.0 - z * z).max(0.0).sqrt();
-            twin.eval(wo, DVec3::new(r * phi.cos(), r * phi.sin(), z))[0] * z
-        };
+        let reflected = |z: f64, phi: f64| twin.eval(wo, direction(z, phi))[0] * z;
         let mut expected = 0.0;
         for step in 0..16 {
             let cell = [step, step + 1].map(|step| -PI + f64::from(step) * PI / 8.0);

@@ -5,7 +5,7 @@ use stereolux::gpu::GpuContext;
 use stereolux::scene::Material;
 
 use super::bsdf_probe::{BACK, BsdfProbe, BsdfQuery, DELTA, NONE, at_angle, wide};
-use super::bsdf_twin::Twin;
+use super::bsdf_twin::{Twin, direction};
 use super::chi_square::{Sampled, p_value, sidak};
 use super::support::context;
 
@@ -65,10 +65,7 @@ fn test_against(
     let pilot = directions(PILOT, 2);
     assert!(!points.is_empty() || is_delta_share);
     let wo = wide(wo).normalize();
-    let density = |z: f64, phi: f64| {
-        let r = (1.0 - z * z).max(0.0).sqrt();
-        twin.pdf(wo, DVec3::new(r * phi.cos(), r * phi.sin(), z))
-    };
+    let density = |z: f64, phi: f64| twin.pdf(wo, direction(z, phi));
     p_value(
         &Sampled::on_sphere(&points, DRAWS as usize, &pilot, &[0.0]),
         &density,

@@ -188,6 +188,12 @@ impl Twin {
     }
 }
 
+/// A direction by its cosine with the normal and its azimuth.
+pub fn direction(z: f64, phi: f64) -> DVec3 {
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    DVec3::new(r * phi.cos(), r * phi.sin(), z)
+}
+
 /// Seeded random directions and materials.
 pub struct Dice(u64);
 
@@ -206,9 +212,7 @@ impl Dice {
         let z = 1.0 - self.unit() * 0.9999;
         let z = if both && self.unit() < 0.5 { -z } else { z };
         let phi = 2.0 * PI * self.unit();
-        let r = (1.0 - z * z).max(0.0).sqrt();
-        let direction = DVec3::new(r * phi.cos(), r * phi.sin(), z);
-        direction.as_vec3().to_array()
+        direction(z, phi).as_vec3().to_array()
     }
 
     /// A material of the glTF model; some factors at their ends.

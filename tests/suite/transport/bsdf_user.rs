@@ -5,7 +5,6 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, ImageRgb, read_image};
-use stereolux::renderer::Eye;
 use stereolux::scene::{Material, Needs, Scene};
 use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 
@@ -15,7 +14,7 @@ use super::bsdf_twin::{Dice, tolerance};
 use super::chi_square::{Sampled, p_value, sidak};
 use super::lights_sampling::mean_and_error;
 use super::support::{
-    Folder, adapter_name, assert_clean, assert_says, context, radiance, renderer_by, settings,
+    Folder, adapter_name, assert_clean, assert_says, context, images_of, renderer_by, settings,
     start_views,
 };
 use super::user_bsdf_example as example;
@@ -179,14 +178,9 @@ fn renders(scene: &Scene, count: u32, change: impl FnOnce(&mut RenderSettings)) 
     let size = [SIZE, SIZE];
     let mut renderer = renderer_by(&library(), scene, &settings, Eyes::Left, size).unwrap();
     let views = start_views(scene, 19.65);
-    (0..count)
-        .map(|index| {
-            renderer.render_frame(&views, index, |_| {}).unwrap();
-            let pixels = radiance(&renderer, Eye::Left);
-            assert_clean(&pixels, "clay");
-            Image::new(SIZE, SIZE, pixels).unwrap()
-        })
-        .collect()
+    let images = images_of(&mut renderer, &views, 0..count).into_iter();
+    let image = |pixels| Image::new(SIZE, SIZE, pixels).unwrap();
+    images.map(image).collect()
 }
 
 #[test]

@@ -10,8 +10,8 @@ use stereolux::settings::{DirectLight, Force, Method, RenderSettings, Reuse};
 use stereolux::xr::View;
 
 use super::support::{
-    assert_clean, builtin, frame, parallel_views, radiance, rendered, renderer, settings,
-    square_fov, start_pose, statistics,
+    builtin, frame, images_of, parallel_views, radiance, rendered, renderer, settings, square_fov,
+    start_pose, statistics,
 };
 use crate::suite::embedded_scenes::caustic;
 
@@ -186,14 +186,9 @@ fn the_spot_under_a_glass_ball_is_the_path_tracers() {
             change(s);
         });
         let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
-        (0..runs)
-            .map(|frame_index| {
-                renderer.render_frame(&views, frame_index, |_| {}).unwrap();
-                let image = radiance(&renderer, Eye::Left);
-                assert_clean(&image, "caustic");
-                spot(&image, &views[0], SIZE)
-            })
-            .collect()
+        let images = images_of(&mut renderer, &views, 0..runs);
+        let spot = |image: &Vec<[f32; 3]>| spot(image, &views[0], SIZE);
+        images.iter().map(spot).collect()
     };
     let path = measured(8, &|s| {
         s.method = Method::Path;

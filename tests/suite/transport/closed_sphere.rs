@@ -4,8 +4,7 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DQuat, DVec3};
-use stereolux::gpu::ShaderLibrary;
-use stereolux::renderer::{Eye, Renderer};
+use stereolux::renderer::Renderer;
 use stereolux::scene::{LightKind, Scene};
 use stereolux::settings::Sampler::{self, Random, Sobol};
 use stereolux::settings::{DirectLight, Eyes, Method, RenderSettings, Reuse, Technique};
@@ -14,10 +13,11 @@ use stereolux::xr::{Pose, View};
 use super::hard_support::{constant_environment, mesh};
 use super::lights_probe::add_light;
 use super::support::{
-    assert_clean, builtin, mean, parallel_views, radiance, renderer, renderer_by, settings,
-    square_fov, start_pose, statistics,
+    builtin, images_of, mean, parallel_views, renderer, renderer_by, settings, square_fov,
+    start_pose, statistics,
 };
 use crate::suite::embedded_scenes::sphere::{ALBEDO, LIGHT_INTENSITY, RADIANCE};
+use crate::suite::frame::layout::changed;
 
 const SIZE: u32 = 24;
 const DEPTH: u32 = 6;
@@ -141,14 +141,8 @@ fn measured(scene: &Scene, settings: &RenderSettings, views: &[View; 2]) -> (f64
 }
 
 fn measured_by(mut renderer: Renderer, views: &[View; 2]) -> (f64, f64) {
-    let means: Vec<f64> = (0..RUNS)
-        .map(|run| {
-            renderer.render_frame(views, run, |_| {}).unwrap();
-            let image = radiance(&renderer, Eye::Left);
-            assert_clean(&image, "sphere");
-            mean(&image)
-        })
-        .collect();
+    let images = images_of(&mut renderer, views, 0..RUNS);
+    let means: Vec<f64> = images.iter().map(|image| mean(image)).collect();
     let (mean, squared_error) = statistics(&means);
     (mean, squared_error.sqrt())
 }
@@ -226,14 +220,11 @@ fn roulette_keeps_the_closed_form() {
         assert!(agrees(found, expected), "{what} for {expected}");
     }
     // Negative control, and proof that paths do end: without the survivors' weight their light is missing.
-    let source = include_str!("../../../shaders/passes/path_trace.wesl");
-    let weightless = source.replace("(*path).throughput /= survival;", "");
-    assert_ne!(weightless, source);
-    let mut library = ShaderLibrary::embedded();
-    library.insert("passes/path_trace", weightless);
+    let weight = "(*path).throughput /= survival;";
+    let weightless = changed("passes/path_trace", weight, "");
     for (russian_roulette, loses) in [(false, false), (true, true)] {
         let settings = with(russian_roulette);
-        let wrong = renderer_by(&library, &scene, &settings, Eyes::Both, [SIZE, SIZE]);
+        let wrong = renderer_by(&weightless, &scene, &settings, Eyes::Both, [SIZE, SIZE]);
         let found = measured_by(wrong.unwrap(), &views());
         let what = format!("roulette {russian_roulette}, no weights: {found:?}");
         assert_eq!(!agrees(found, expected), loses, "{what} for {expected}");

@@ -4,18 +4,19 @@ use std::f64::consts::PI;
 
 use glam::{DQuat, DVec3};
 use stereolux::renderer::Eye;
-use stereolux::scene::{Environment, Material, Scene};
+use stereolux::scene::{Material, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse, Technique};
 use stereolux::xr::{Pose, View};
 
 use super::bsdf_twin::Twin;
 use super::chi_square::integrate;
 use super::hard_support::*;
+use super::lights_sampling::map_of;
 use super::techniques::settings_of;
 use crate::suite::embedded_scenes::{plane, sphere};
 use crate::suite::support::{
-    assert_clean, bits, builtin, frame, mean, method, parallel_views, pixel_ray, radiance,
-    renderer, settings, square_fov, start_views, statistics,
+    assert_clean, bits, builtin, frame, images_of, mean, method, parallel_views, pixel_ray,
+    radiance, renderer, settings, square_fov, start_views, statistics,
 };
 
 #[test]
@@ -238,12 +239,8 @@ fn an_empty_scene_is_black_or_its_environment() {
     }
     // Red above, blue below: beyond the outermost texels' centres (45 degrees) the map is constant, ahead it is their
     // mean. Blends of equal numbers round twice: 2^-23.
-    scene.environment = Some(Environment {
-        width: 4,
-        height: 2,
-        radiance: [[[3.0, 0.0, 0.0]; 4], [[0.0, 0.0, 0.25]; 4]].concat(),
-        name: "two halves".to_owned(),
-    });
+    let texel = |_, y| [[3.0, 0.0, 0.0], [0.0, 0.0, 0.25]][y as usize];
+    scene.environment = Some(map_of([4, 2], texel));
     for settings in all.iter().flatten() {
         for (up, expected) in [(0.5 * PI, [3.0, 0.0, 0.0]), (-0.5 * PI, [0.0, 0.0, 0.25])] {
             let views = views(DQuat::from_rotation_x(up));
@@ -372,12 +369,7 @@ fn a_wall_in_the_sun_is_dimmed_by_what_the_eye_looks_through_alone() {
             (0..24 * 24).map(of_pixel).collect()
         };
         for kind in [Method::Photon, Method::Path] {
-            let settings = settings(|s| {
-                s.method = kind;
-                s.reuse = Reuse::Off;
-                s.path.max_depth = depth;
-                s.photon.max_depth = depth;
-            });
+            let settings = settings_of(kind, Technique::Mis, depth, 1);
             for absorbs in [true, false] {
                 let found = &images(&lit(absorbs), &settings, [24, 24], &views)[0];
                 // Some 40 operations at 2^-24, exponentials of up to 3.3 with an error of 2^-22 in their argument.
@@ -400,16 +392,13 @@ fn means_of_frames(
     frames: u32,
 ) -> [(f64, f64); 3] {
     let mut renderer = renderer(scene, settings, [size; 2]);
-    let mut means = [(); 3].map(|()| Vec::new());
-    for frame in 0..frames {
-        renderer.render_frame(views, frame, |_| {}).unwrap();
-        let image = radiance(&renderer, Eye::Left);
-        for (channel, means) in means.iter_mut().enumerate() {
+    let images = images_of(&mut renderer, views, 0..frames);
+    [0, 1, 2].map(|channel| {
+        let mean = |image: &Vec<[f32; 3]>| {
             let sum: f64 = image.iter().map(|pixel| f64::from(pixel[channel])).sum();
-            means.push(sum / image.len() as f64);
-        }
-    }
-    means.map(|means| {
+            sum / image.len() as f64
+        };
+        let means: Vec<f64> = images.iter().map(mean).collect();
         let (mean, square) = statistics(&means);
         (mean, square.sqrt())
     })

@@ -2,15 +2,14 @@
 
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::renderer::Eye;
-use stereolux::scene::{
-    Environment, LightKind, Material, Mesh, MeshTriangle, Node, PunctualLight, Scene,
-};
+use stereolux::scene::{Environment, LightKind, Material, Mesh, MeshTriangle, Node, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::view::RayInWorld;
 use stereolux::xr::{Pose, View};
 
 use super::lights_probe::add_light;
 pub use super::lights_probe::glowing;
+use super::lights_sampling::map_of;
 use crate::suite::embedded_scenes::plane;
 use crate::suite::support::{
     assert_clean, both, mean, method, parallel_views, pixel_ray, rendered, settings, square_fov,
@@ -42,36 +41,25 @@ pub fn mesh(triangles: &[Triangle]) -> Mesh {
     mesh
 }
 
-pub fn root(name: &str, scene: &mut Scene) -> usize {
-    scene.roots.push(scene.nodes.len());
-    scene.nodes.push(Node {
-        name: name.to_owned(),
-        ..Node::default()
-    });
-    scene.nodes.len() - 1
-}
-
 /// Adds triangles of one material as an instance of their own.
 pub fn add(scene: &mut Scene, triangles: &[Triangle], material: Material) {
-    let node = root(&material.name, scene);
+    scene.roots.push(scene.nodes.len());
+    scene.nodes.push(Node {
+        name: material.name.clone(),
+        mesh: Some(scene.meshes.len()),
+        ..Node::default()
+    });
     let mut mesh = mesh(triangles);
     for triangle in &mut mesh.triangles {
         triangle.material = scene.materials.len() as u32;
     }
-    scene.nodes[node].mesh = Some(scene.meshes.len());
     scene.meshes.push(mesh);
     scene.materials.push(material);
 }
 
 pub fn add_point_light(scene: &mut Scene, position: DVec3, intensity: f32) {
-    let node = root("lamp", scene);
-    scene.nodes[node].parent_from_node = DAffine3::from_translation(position);
-    scene.nodes[node].light = Some(scene.lights.len());
-    scene.lights.push(PunctualLight {
-        name: "lamp".to_owned(),
-        kind: LightKind::Point,
-        intensity: [intensity; 3],
-    });
+    let place = DAffine3::from_translation(position);
+    add_light(scene, LightKind::Point, [intensity; 3], place);
 }
 
 /// A sun in the direction `to_sun`, of that irradiance at normal incidence. Lights shine along their -Z.
@@ -108,12 +96,7 @@ pub fn flipped(triangles: Vec<Triangle>) -> Vec<Triangle> {
 }
 
 pub fn constant_environment(radiance: [f32; 3]) -> Environment {
-    Environment {
-        width: 8,
-        height: 4,
-        radiance: vec![radiance; 32],
-        name: "constant".to_owned(),
-    }
+    map_of([8, 4], |_, _| radiance)
 }
 
 /// Each eye by itself, by paths.

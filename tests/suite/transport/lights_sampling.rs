@@ -253,7 +253,7 @@ pub fn map() -> Environment {
 }
 
 /// A map by the radiance of its texels.
-fn map_of([width, height]: [u32; 2], texel: impl Fn(u32, u32) -> [f32; 3]) -> Environment {
+pub fn map_of([width, height]: [u32; 2], texel: impl Fn(u32, u32) -> [f32; 3]) -> Environment {
     let texels = (0..width * height).map(|index| texel(index % width, index / width));
     Environment {
         width,

@@ -10,19 +10,6 @@ use crate::suite::support::{
 
 const SIZE: u32 = 12;
 
-fn image(name: &str, half_degrees: f64, change: impl FnOnce(&mut RenderSettings)) -> Vec<[f32; 3]> {
-    image_of_size(SIZE, name, half_degrees, change)
-}
-
-fn image_of_size(
-    size: u32,
-    name: &str,
-    half_degrees: f64,
-    change: impl FnOnce(&mut RenderSettings),
-) -> Vec<[f32; 3]> {
-    after_frames(1, size, name, half_degrees, change)
-}
-
 /// The left eye's last image of so many frames.
 fn after_frames(
     frames: u32,
@@ -65,7 +52,7 @@ fn rel_mse(image: &[[f32; 3]], a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
 fn progressive_photons_converge_to_paths_with_and_without_glass() {
     for (name, half_degrees, spp) in [("cornell", 19.65, 512), ("caustic", 13.0, 1024)] {
         let reference = |seed| {
-            image(name, half_degrees, |s| {
+            after_frames(1, SIZE, name, half_degrees, |s| {
                 s.method = Method::Path;
                 s.path.sampler = Sampler::Sobol;
                 s.spp = spp;
@@ -74,7 +61,7 @@ fn progressive_photons_converge_to_paths_with_and_without_glass() {
         };
         let (a, b) = (reference(101), reference(102));
         let photons = |spp: u32, progressive: bool| {
-            let found = image(name, half_degrees, |s| {
+            let found = after_frames(1, SIZE, name, half_degrees, |s| {
                 s.spp = spp;
                 s.photon.count = 4096;
                 s.photon.progressive = progressive;
@@ -105,7 +92,7 @@ fn a_still_head_converges_as_paths_do() {
     const WIDE: u32 = 32;
     for (name, half_degrees) in [("cornell", 19.65), ("gallery", 45.0)] {
         let paths = |seed, spp| {
-            image_of_size(WIDE, name, half_degrees, |s| {
+            after_frames(1, WIDE, name, half_degrees, |s| {
                 s.method = Method::Path;
                 s.spp = spp;
                 s.seed = seed;

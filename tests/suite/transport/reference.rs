@@ -7,13 +7,12 @@ use glam::{DMat3, DQuat, DVec3};
 use serde_json::Value;
 use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, ImageRgb, read_image};
-use stereolux::renderer::Eye;
 use stereolux::scene::{Scene, load_environment};
 use stereolux::settings::{Eyes, Method, RenderSettings, Reuse, Sampler};
 use stereolux::xr::{Fov, Pose};
 
 use super::block_statistics::{BlockStatistics, ZTest, mean_image, z_test};
-use crate::suite::support::{parallel_views, radiance, renderer_by, settings, statistics};
+use crate::suite::support::{images_of, parallel_views, renderer_by, settings, statistics};
 
 /// Independent renders (frames of one renderer: streams are keyed by frame) and their samples per pixel.
 const RENDERS: u32 = 8;
@@ -74,12 +73,9 @@ fn renders(record: &Value, count: u32, change: impl FnOnce(&mut RenderSettings))
     let views = parallel_views(head, 0.0, fov);
     let library = ShaderLibrary::embedded();
     let mut renderer = renderer_by(&library, &scene, &settings, Eyes::Left, size).unwrap();
-    (0..count)
-        .map(|index| {
-            renderer.render_frame(&views, index, |_| {}).unwrap();
-            Image::new(size[0], size[1], radiance(&renderer, Eye::Left)).unwrap()
-        })
-        .collect()
+    let images = images_of(&mut renderer, &views, 0..count).into_iter();
+    let image = |pixels| Image::new(size[0], size[1], pixels).unwrap();
+    images.map(image).collect()
 }
 
 /// Pixel means, and the standard error of each.

@@ -3,19 +3,19 @@
 use std::f64::consts::PI;
 
 use glam::{DQuat, DVec3};
-use stereolux::renderer::Eye;
-use stereolux::scene::{Environment, Material, Scene};
+use stereolux::scene::{Material, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse, Sampler, Technique};
 use stereolux::xr::View;
 
-use super::bsdf_twin::Twin;
+use super::bsdf_twin::{Twin, direction};
 use super::chi_square::integrate;
 use super::hard_support::{
-    add, add_point_light, constant_environment, cube, eyes_at, eyes_at_origin, images, square_ahead,
+    add, add_point_light, constant_environment, cube, eyes_at, eyes_at_origin, images,
+    square_ahead, tiles,
 };
+use super::lights_sampling::map_of;
 use super::support::{
-    assert_clean, builtin, parallel_views, radiance, renderer, settings, square_fov, start_pose,
-    statistics,
+    builtin, images_of, parallel_views, renderer, settings, square_fov, start_pose, statistics,
 };
 
 const SIZE: u32 = 64;
@@ -41,24 +41,13 @@ pub fn blocks(
     set: u32,
 ) -> Vec<Vec<f64>> {
     let mut renderer = renderer(scene, settings, [SIZE, SIZE]);
-    (0..RUNS)
-        .map(|run| {
-            // The random streams are keyed by the frame.
-            let frame_index = run + 1000 * set;
-            renderer.render_frame(views, frame_index, |_| {}).unwrap();
-            let image = radiance(&renderer, Eye::Left);
-            assert_clean(&image, "technique");
-            let across = SIZE / BLOCK;
-            let mut sums = vec![0.0; (across * across) as usize];
-            for (pixel, value) in image.iter().enumerate() {
-                let (x, y) = (pixel as u32 % SIZE, pixel as u32 / SIZE);
-                sums[((y / BLOCK) * across + x / BLOCK) as usize] += f64::from(value[1]);
-            }
-            sums.iter()
-                .map(|sum| sum / f64::from(BLOCK * BLOCK))
-                .collect()
-        })
-        .collect()
+    let first = 1000 * set;
+    let images = images_of(&mut renderer, views, first..first + RUNS);
+    let means = |image: &Vec<[f32; 3]>| {
+        let green: Vec<_> = image.iter().map(|color| [color[1]; 3]).collect();
+        tiles(&green, SIZE as usize, BLOCK as usize)
+    };
+    images.iter().map(means).collect()
 }
 
 /// Welch's statistic per block; blocks without any light in either are left out.
@@ -201,22 +190,12 @@ fn techniques_agree_under_a_sky() {
     for material in &mut scene.materials {
         material.emission = [0.0; 3];
     }
-    let (width, height) = (32, 16);
-    let radiance = (0..width * height)
-        .map(|texel| {
-            let (x, y) = (texel % width, texel / width);
-            let is_patch = (14..18).contains(&x) && (6..9).contains(&y);
-            let patch = if is_patch { 6.0 } else { 0.0 };
-            let base = 0.5 + 0.5 * y as f32 / height as f32;
-            [base + patch, base + patch, base]
-        })
-        .collect();
-    scene.environment = Some(Environment {
-        width: width as u32,
-        height: height as u32,
-        radiance,
-        name: "sky with a patch".to_owned(),
-    });
+    scene.environment = Some(map_of([32, 16], |x, y| {
+        let is_patch = (14..18).contains(&x) && (6..9).contains(&y);
+        let patch = if is_patch { 6.0 } else { 0.0 };
+        let base = 0.5 + 0.5 * y as f32 / 16.0;
+        [base + patch, base + patch, base]
+    }));
     // Seen from outside through the open front, where the sky comes in.
     check("sky", &scene, &views);
 }
@@ -240,10 +219,7 @@ fn a_metal_wall_under_an_even_sky_shows_its_directional_albedo_by_both_methods()
     for degrees in [0.0_f64, 65.0] {
         let angle = degrees.to_radians();
         let wo = DVec3::new(angle.sin(), 0.0, angle.cos());
-        let reflected = |z: f64, phi: f64| {
-            let r = (1.0 - z * z).max(0.0).sqrt();
-            twin.eval(wo, DVec3::new(r * phi.cos(), r * phi.sin(), z))[0] * z
-        };
+        let reflected = |z: f64, phi: f64| twin.eval(wo, direction(z, phi))[0] * z;
         let cells = (-8..8).map(|step| [step, step + 1].map(|step| f64::from(step) * PI / 8.0));
         let albedo: f64 = cells
             .map(|cell| integrate(&reflected, [0.0, 1.0], cell, 0))

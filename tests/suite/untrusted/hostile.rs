@@ -304,8 +304,7 @@ pub fn cases(folder: &Folder) -> Vec<Case> {
     let mut cases = Vec::new();
     let over = Some("limits.load_memory");
     let mut add = |name: &'static str, way, refused, bytes: Vec<u8>| {
-        let path = folder.join(name);
-        std::fs::write(&path, bytes).unwrap();
+        let path = folder.write(name, bytes);
         cases.push(Case {
             name,
             path,

@@ -37,14 +37,13 @@ fn what_expands_is_refused_before_it_takes_memory_or_read_within_bounds() {
 #[test]
 fn a_raised_limit_reads_what_a_lower_one_refuses() {
     let folder = Folder::new("hostile-limit");
-    let path = folder.join("large.gltf");
     let text = document(json!({
         "scenes": [{ "nodes": [0] }],
         "nodes": [{ "mesh": 0 }],
         "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
         "accessors": [{ "componentType": 5126, "count": 30_000, "type": "VEC3" }],
     }));
-    std::fs::write(&path, text).unwrap();
+    let path = folder.write("large.gltf", text);
     let load = |memory_bytes| {
         let limits = LoadLimits {
             memory_bytes,
@@ -76,9 +75,8 @@ fn the_flag_reads_files_outside_and_is_on_record() {
     let folder = Folder::new("hostile-allowed");
     std::fs::write(folder.join("secret.png"), black_png(3, 2)).unwrap();
     std::fs::create_dir(folder.join("scene")).unwrap();
-    let path = folder.join("scene/scene.gltf");
     let image = json!({ "images": [{ "uri": "../secret.png" }] });
-    std::fs::write(&path, document(image)).unwrap();
+    let path = folder.write("scene/scene.gltf", document(image));
     let scene = path.to_str().unwrap();
     let refused = run(&["info", "--scene", scene]);
     assert!(refused.refusal().contains("--allow-outside"), "{refused:?}");

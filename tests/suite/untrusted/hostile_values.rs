@@ -19,7 +19,6 @@ fn is_clean(text: &str) -> bool {
 #[test]
 fn a_scene_of_huge_scale_has_a_finite_area() {
     let folder = Folder::new("hostile-scales");
-    let path = folder.join("large.gltf");
     let corners = [[0.0_f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let bytes: Vec<u8> = corners
         .iter()
@@ -35,7 +34,7 @@ fn a_scene_of_huge_scale_has_a_finite_area() {
         "bufferViews": [{ "buffer": 0, "byteLength": bytes.len() }],
         "buffers": [{ "byteLength": bytes.len(), "uri": uri }],
     }));
-    std::fs::write(&path, text).unwrap();
+    let path = folder.write("large.gltf", text);
     let report = run(&["info", "--scene", path.to_str().unwrap()]);
     let report: Value = serde_json::from_str(&report.stdout).unwrap();
     // More than f32 holds.
@@ -46,11 +45,7 @@ fn a_scene_of_huge_scale_has_a_finite_area() {
 #[test]
 fn nothing_out_of_a_file_steers_the_terminal() {
     let folder = Folder::new("hostile-terminal");
-    let write = |name: &str, bytes: &[u8]| {
-        let path = folder.join(name);
-        std::fs::write(&path, bytes).unwrap();
-        path.display().to_string()
-    };
+    let write = |name: &str, bytes: &[u8]| folder.write(name, bytes).display().to_string();
     let long = "x".repeat(100_000);
     let uri = data_uri("image/png", &[0; 100_000]);
     let turned = |name: &str| json!({ "nodes": [{ "name": name, "rotation": [0, 0, 0, 0] }] });

@@ -52,7 +52,6 @@ fn a_scene_that_names_files_outside_its_folder_is_asked_about() {
     let folder = Folder::new("hostile-viewer-outside");
     std::fs::create_dir_all(folder.join("scene")).unwrap();
     std::fs::write(folder.join("shared.png"), black_png(2, 2)).unwrap();
-    let scene = folder.join("scene/textured.gltf");
     let text = document(json!({
         "scenes": [{ "nodes": [0] }],
         "nodes": [{ "mesh": 0 }],
@@ -62,7 +61,7 @@ fn a_scene_that_names_files_outside_its_folder_is_asked_about() {
         "textures": [{ "source": 0 }],
         "materials": [{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }],
     }));
-    std::fs::write(&scene, text).unwrap();
+    let scene = folder.write("scene/textured.gltf", text);
     let mut viewer = open("builtin:cornell", &folder, |_| {});
     for answer in ["Leave it", "Read them"] {
         drop_file(&mut viewer, &scene);

@@ -12,15 +12,12 @@ use x11rb::protocol::xproto::{
 };
 use x11rb::wrapper::ConnectionExt as _;
 
-use super::virtual_screen::find_window;
+use super::virtual_screen::{atom, find_window};
 
 /// Drags `path` to a place on the screen of `display` and lets go there.
 pub fn drag_file(display: &str, path: &Path, x: i16, y: i16) {
     let (connection, target) = find_window(display);
-    let atom = |name: &str| {
-        let cookie = connection.intern_atom(false, name.as_bytes()).unwrap();
-        cookie.reply().unwrap().atom
-    };
+    let atom = |name: &str| atom(&connection, name);
     let screen = &connection.setup().roots[0];
     let source = connection.generate_id().unwrap();
     let (class, visual) = (WindowClass::INPUT_ONLY, x11rb::COPY_FROM_PARENT);

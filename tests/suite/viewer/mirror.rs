@@ -1,7 +1,6 @@
 //! The desktop mirror: its pass against the PNG path, and its window on a virtual screen.
 
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, aces_filmic, tone_map};
@@ -10,10 +9,10 @@ use stereolux::xr::view::Fov;
 use x11rb::protocol::xproto::{ConfigureWindowAux, ConnectionExt as _};
 use x11rb::wrapper::ConnectionExt as _;
 
-use super::openxr_picture::{Screen, block_scene, fault};
+use super::openxr_picture::{Screen, block_scene, fault, shows};
 use super::openxr_runtime::{VALIDATION, complaints};
 use super::openxr_support::{
-    PROGRAM, all_output, assert_status, frames_so_far, monado, stderr, wait_until,
+    PROGRAM, all_output, assert_status, frames_so_far, interrupt, monado, stderr, wait_until,
 };
 use super::textures::{bytes, target_texture};
 use super::virtual_screen::{Xvfb, ask_to_close, find_window, program_on};
@@ -107,21 +106,6 @@ fn the_window_holds_what_the_png_shows_left_and_right_about_its_middle() {
     }
 }
 
-/// Looks until both halves show the scene; the last fault if they do not within some seconds.
-fn shows(xvfb: &Xvfb, columns: usize, rows: usize) -> Result<Screen, String> {
-    let mut last = String::new();
-    let began = Instant::now();
-    while began.elapsed() < Duration::from_secs(20) {
-        let screen = Screen::read(&xvfb.screen);
-        match fault(&screen, halves(columns), rows) {
-            None => return Ok(screen),
-            Some(what) => last = what,
-        }
-        std::thread::sleep(Duration::from_millis(50));
-    }
-    Err(last)
-}
-
 fn halves(columns: usize) -> [std::ops::Range<usize>; 2] {
     [0..columns / 2, columns / 2..columns]
 }
@@ -141,33 +125,29 @@ fn the_window_shows_the_scene_follows_its_size_and_may_be_closed() {
     let out = folder.join("out");
     let run = "run --session simulated --motion still --headset symmetric --frames 100000 --mirror --size 256x256 \
                --photons 0 --method path --set output.images=false";
-    let mut child = Command::new(PROGRAM)
+    let mut child = program_on(Some(&xvfb.display))
         .args(words(run))
         .args(["--scene", &scene])
         .args(["--out", out.to_str().unwrap()])
-        .env("DISPLAY", &xvfb.display)
         .env("WINIT_X11_SCALE_FACTOR", "1")
-        .env_remove("WAYLAND_DISPLAY")
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
     wait_until(&mut child, "five frames", || frames_so_far(&out) >= 5);
-    let whole = shows(&xvfb, 1280, 720);
+    let whole = shows(&xvfb.screen, halves(1280), 720);
     // The judge would notice an exchange.
     let exchanged = whole.map(|screen| {
         let [left, right] = halves(1280);
         fault(&screen, [right, left], 720)
     });
     resize(&xvfb.display, 600, 400);
-    let smaller = shows(&xvfb, 600, 400).map(|_| ());
+    let smaller = shows(&xvfb.screen, halves(600), 400).map(|_| ());
     ask_to_close(&xvfb.display);
     let closed_at = frames_so_far(&out);
     let goes_on = || frames_so_far(&out) >= closed_at + 20;
     wait_until(&mut child, "twenty more frames", goes_on);
     let after = fault(&Screen::read(&xvfb.screen), halves(600), 400);
-    let killed = Command::new("kill").arg(child.id().to_string()).status();
-    assert!(killed.unwrap().success());
-    let output = child.wait_with_output().unwrap();
+    let output = interrupt(child);
     let text = stderr(&output);
     assert_begins(&exchanged.unwrap().unwrap(), "eyes exchanged");
     smaller.unwrap();
@@ -203,7 +183,7 @@ fn the_window_shows_what_an_openxr_session_renders() {
         .spawn()
         .unwrap();
     wait_until(&mut child, "five frames", || frames_so_far(&out) >= 5);
-    let screen = shows(&xvfb, 1280, 720).map(|_| ());
+    let screen = shows(&xvfb.screen, halves(1280), 720).map(|_| ());
     let pid = std::fs::read_to_string(folder.join("pid")).unwrap();
     Command::new("kill").arg(pid.trim()).status().unwrap();
     let output = child.wait_with_output().unwrap();

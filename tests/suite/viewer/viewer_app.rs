@@ -14,15 +14,15 @@ use stereolux::viewer::frames::{FrameReport, ViewMode};
 use stereolux::viewer::layout::{Layout, Part};
 
 use super::viewer_support::{
-    assert_no_errors, changed, choose, click_at, click_node, drag, fields, hold, narrow, node_of,
-    open, path_tracing, picture, place_of, press, push, settle, shown, two_steps, type_into, until,
+    assert_no_errors, changed, choose, click_at, click_node, cornell, drag, fields, hold, narrow,
+    node_of, open, path_tracing, picture, place_of, press, push, settle, shown, two_steps,
+    type_into, until,
 };
 use crate::suite::support::Folder;
 
 #[test]
 fn keys_and_mouse_walk_and_look_and_the_picture_follows() {
-    let folder = Folder::new("viewer-walk");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let (_folder, mut viewer) = cornell("viewer-walk");
     let before = picture(&viewer);
     let start = viewer.state().head();
     hold(&mut viewer, Key::W, 11);
@@ -58,8 +58,7 @@ fn keys_and_mouse_walk_and_look_and_the_picture_follows() {
 
 #[test]
 fn a_click_selects_the_object_under_the_pixel_and_its_colour_changes_and_comes_back() {
-    let folder = Folder::new("viewer-colour");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let (_folder, mut viewer) = cornell("viewer-colour");
     for name in ["tall block", "short block", "back wall"] {
         let node = click_node(&mut viewer, name);
         assert_eq!(viewer.state().selected(), Some(node), "{name}");
@@ -111,8 +110,7 @@ fn a_click_selects_the_object_under_the_pixel_and_its_colour_changes_and_comes_b
 
 #[test]
 fn a_handle_moves_the_object_as_one_step_that_undo_takes_back() {
-    let folder = Folder::new("viewer-handle");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let (_folder, mut viewer) = cornell("viewer-handle");
     let at = place_of(viewer.state(), "tall block");
     let node = click_node(&mut viewer, "tall block");
     two_steps(&mut viewer);
@@ -237,8 +235,7 @@ fn a_layout_of_one_eye_renders_that_eye_alone() {
 
 #[test]
 fn nodes_are_found_hidden_deleted_and_brought_back() {
-    let folder = Folder::new("viewer-nodes");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let (_folder, mut viewer) = cornell("viewer-nodes");
     let count = |app: &App, name: &str| {
         let node = node_of(app.document().scene(), name) as u32;
         let seen = &shown(app).seen[0];
@@ -279,8 +276,7 @@ fn nodes_are_found_hidden_deleted_and_brought_back() {
 #[test]
 fn escape_closes_what_is_open_and_asks_before_edits_are_lost() {
     use stereolux::viewer::app::WindowCommand;
-    let folder = Folder::new("viewer-escape");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let (_folder, mut viewer) = cornell("viewer-escape");
     press(&mut viewer, Modifiers::NONE, Key::F1);
     viewer.step();
     assert!(viewer.query_by_label("this help").is_some());

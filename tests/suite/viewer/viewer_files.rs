@@ -17,7 +17,7 @@ use stereolux::viewer::app::WindowCommand;
 use stereolux::xr::View;
 
 use super::viewer_support::{
-    SIZE, Viewer, assert_no_errors, click_at, click_node, drag, fields, node_of, open,
+    SIZE, Viewer, assert_no_errors, click_at, click_node, cornell, drag, fields, node_of, open,
     path_tracing, press, push, settle, shown, two_steps, type_into, until, until_error,
     until_shown,
 };
@@ -45,8 +45,7 @@ fn rendered(settings: &Path, scene: &Path, viewer: &App, last: u32, frames: u32)
 
 #[test]
 fn what_is_saved_renders_to_the_picture_that_was_shown() {
-    let folder = Folder::new("viewer-save");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let (folder, mut viewer) = cornell("viewer-save");
     click_node(&mut viewer, "short block");
     two_steps(&mut viewer);
     let [x_handle, ..] = viewer.state().gizmo.handles().unwrap();
@@ -92,8 +91,7 @@ fn what_is_saved_renders_to_the_picture_that_was_shown() {
 
 #[test]
 fn a_screenshot_is_the_mean_of_both_eyes() {
-    let folder = Folder::new("viewer-screenshot");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let (folder, mut viewer) = cornell("viewer-screenshot");
     press(&mut viewer, Modifiers::NONE, Key::T);
     let png = folder.join("view_0000.png");
     until(&mut viewer, "a screenshot", |app| {
@@ -148,10 +146,8 @@ pub fn drop_file(viewer: &mut Viewer, path: &Path) {
 
 #[test]
 fn a_broken_file_is_refused_and_a_good_one_opens() {
-    let folder = Folder::new("viewer-drop");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
-    let broken = folder.join("broken.glb");
-    std::fs::write(&broken, b"glTF\x02\0\0\0 this is no scene").unwrap();
+    let (folder, mut viewer) = cornell("viewer-drop");
+    let broken = folder.write("broken.glb", b"glTF\x02\0\0\0 this is no scene");
     for (path, says) in [
         (broken.clone(), "broken.glb"),
         (folder.join("missing.gltf"), "missing.gltf"),
@@ -264,8 +260,7 @@ fn type_strength(viewer: &mut Viewer, text: &str) {
 
 #[test]
 fn an_environment_is_dropped_made_stronger_and_a_broken_one_is_refused() {
-    let folder = Folder::new("viewer-environment");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let (folder, mut viewer) = cornell("viewer-environment");
     let corner = |app: &App| shown(app).shown.eyes[0].pixels[0];
     assert_eq!(corner(viewer.state()), egui::Color32::BLACK);
     let sky = folder.join("sky.exr");
@@ -285,8 +280,7 @@ fn an_environment_is_dropped_made_stronger_and_a_broken_one_is_refused() {
     });
     assert_eq!(viewer.state().settings().environment.strength, 2.0);
 
-    let broken = folder.join("broken.hdr");
-    std::fs::write(&broken, b"#?RADIANCE\nno map").unwrap();
+    let broken = folder.write("broken.hdr", b"#?RADIANCE\nno map");
     drop_file(&mut viewer, &broken);
     until_error(&mut viewer, "broken.hdr");
     assert_eq!(viewer.state().settings().environment.path, path);
@@ -379,8 +373,7 @@ fn another_scene_takes_the_place_of_unsaved_changes_only_when_told_to() {
 
 /// The box in a window whose scene would be saved where a file of others lies, and that file.
 fn before_a_file_of_others(folder: &Folder) -> (Viewer, PathBuf) {
-    let path = folder.join("cornell_edited.glb");
-    std::fs::write(&path, THEIRS).unwrap();
+    let path = folder.write("cornell_edited.glb", THEIRS);
     (open("builtin:cornell", folder, path_tracing), path)
 }
 
@@ -435,8 +428,7 @@ fn saving_over_a_file_of_others_goes_on_to_what_it_was_for() {
 /// Who takes the head out of a recording stands where that was.
 #[test]
 fn a_head_that_is_taken_from_a_recording_stays_where_it_was() {
-    let folder = Folder::new("viewer-take-head");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let (_folder, mut viewer) = cornell("viewer-take-head");
     let start = viewer.state().head();
     push(&mut viewer, "Motion");
     push(&mut viewer, "Walk");

@@ -9,8 +9,8 @@ use stereolux::viewer::sketch::{Sketcher, Stand, Wish};
 use stereolux::xr::View;
 
 use super::textures::bytes;
-use super::viewer_support::{SIZE, Viewer, node_of, open, path_tracing, shown};
-use crate::suite::support::{Folder, adapter_name, pixel_ray};
+use super::viewer_support::{SIZE, cornell, node_of, shown};
+use crate::suite::support::{adapter_name, pixel_ray};
 
 /// Colour of the rim.
 const RIM: [u8; 3] = [255, 170, 30];
@@ -39,12 +39,6 @@ fn left_eye(
         .collect()
 }
 
-fn still_view() -> (Viewer, Folder) {
-    let folder = Folder::new("viewer-sketch");
-    let viewer = open("builtin:cornell", &folder, path_tracing);
-    (viewer, folder)
-}
-
 /// Share of the frame's pixels, of those `admits` names, whose colour the sketch has to within a few steps.
 fn alike(
     app: &App,
@@ -67,7 +61,7 @@ fn alike(
 
 #[test]
 fn a_sketch_from_the_frames_own_place_is_the_frame() {
-    let (viewer, _folder) = still_view();
+    let (_folder, viewer) = cornell("viewer-sketch-place");
     let app = viewer.state();
     let scene = app.document().scene();
     let (frame, stand) = (shown(app), Stand::of(scene));
@@ -86,7 +80,7 @@ fn a_sketch_from_the_frames_own_place_is_the_frame() {
 
 #[test]
 fn a_sketch_follows_the_head_and_a_dragged_object_takes_its_light_along() {
-    let (viewer, _folder) = still_view();
+    let (_folder, viewer) = cornell("viewer-sketch-head");
     let app = viewer.state();
     let scene = app.document().scene();
     let (frame, stand) = (shown(app), Stand::of(scene));
@@ -134,7 +128,7 @@ fn a_sketch_follows_the_head_and_a_dragged_object_takes_its_light_along() {
 
 #[test]
 fn a_new_colour_is_seen_before_any_frame() {
-    let (viewer, _folder) = still_view();
+    let (_folder, viewer) = cornell("viewer-sketch-colour");
     let app = viewer.state();
     let scene = app.document().scene();
     let (frame, stand) = (shown(app), Stand::of(scene));

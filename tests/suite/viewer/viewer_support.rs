@@ -62,6 +62,13 @@ pub fn open(scene: &str, folder: &Folder, change: impl FnOnce(&mut Settings)) ->
     viewer
 }
 
+/// The Cornell box by paths, and the folder `name`, which must outlive the viewer.
+pub fn cornell(name: &str) -> (Folder, Viewer) {
+    let folder = Folder::new(name);
+    let viewer = open("builtin:cornell", &folder, path_tracing);
+    (folder, viewer)
+}
+
 /// Lets the viewer run until `done`.
 pub fn until(viewer: &mut Viewer, what: &str, done: impl Fn(&App) -> bool) {
     let began = Instant::now();

@@ -8,8 +8,8 @@ use stereolux::settings::{Switch, Tone};
 use stereolux::viewer::App;
 
 use super::viewer_support::{
-    Viewer, assert_no_errors, choose, click_at, drag, fields, hold, node_of, open, path_tracing,
-    place_of, press, push, settle, shown, two_steps, type_into, until_shown,
+    Viewer, assert_no_errors, choose, click_at, cornell, drag, fields, hold, node_of, open,
+    path_tracing, place_of, press, push, settle, shown, two_steps, type_into, until_shown,
 };
 use crate::suite::support::Folder;
 
@@ -84,8 +84,7 @@ fn textured(viewer: &Viewer, picture: Rect) -> Vec<(egui::TextureId, Rect)> {
 
 #[test]
 fn a_frozen_picture_stays_left_of_a_line_that_is_dragged() {
-    let folder = Folder::new("viewer-frozen");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let (_folder, mut viewer) = cornell("viewer-frozen");
     viewer.step();
     let picture = viewer.state().shown_at[0].1;
     let [(present, whole)] = textured(&viewer, picture)[..] else {
@@ -125,8 +124,7 @@ fn a_frozen_picture_stays_left_of_a_line_that_is_dragged() {
 
 #[test]
 fn a_picture_is_enlarged_about_the_pointer_shifted_and_shown_whole_again() {
-    let folder = Folder::new("viewer-zoom");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let (_folder, mut viewer) = cornell("viewer-zoom");
     viewer.step();
     let picture = viewer.state().shown_at[0].1;
     let at = place_of(viewer.state(), "short block");
@@ -175,8 +173,7 @@ fn a_picture_is_enlarged_about_the_pointer_shifted_and_shown_whole_again() {
 
 #[test]
 fn views_are_kept_panels_hide_and_the_log_has_what_was_said() {
-    let folder = Folder::new("viewer-kept");
-    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let (_folder, mut viewer) = cornell("viewer-kept");
     let shifted = Modifiers::COMMAND | Modifiers::SHIFT;
     let start = viewer.state().head();
     press(&mut viewer, shifted, Key::Num1);

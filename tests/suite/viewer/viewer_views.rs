@@ -8,7 +8,7 @@ use stereolux::viewer::frames::{Seen, ViewMode};
 
 use super::inspect::{SIZE, inspected, surfaces, views};
 use super::support::*;
-use super::viewer_support::{Viewer, choose, narrow, open, settle, shown, until};
+use super::viewer_support::{Viewer, choose, hold, narrow, open, settle, shown, until};
 use crate::suite::support::Folder;
 
 fn pixels(app: &App) -> [Vec<egui::Color32>; 2] {
@@ -107,12 +107,7 @@ fn views_that_are_traced_are_in_stock_once_the_view_has_stood_still() {
     }
     // What was in stock was of the place where the head was.
     let before = viewer.state().head();
-    viewer.key_down(Key::W);
-    for _ in 0..10 {
-        viewer.step();
-    }
-    viewer.key_up(Key::W);
-    viewer.step();
+    hold(&mut viewer, Key::W, 10);
     let there = narrow().views_from_head(&viewer.state().head())[0];
     assert_ne!(viewer.state().head(), before);
     until(&mut viewer, "a frame from there", |app| {

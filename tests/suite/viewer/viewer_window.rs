@@ -361,8 +361,7 @@ fn a_file_that_is_dragged_onto_the_window_opens_and_a_broken_one_is_refused() {
     let room_alone = lit(&desk.look());
 
     // A path that has to be written otherwise in a list of addresses.
-    let broken = folder.join("100 % broken.glb");
-    std::fs::write(&broken, b"glTF\x02\0\0\0 this is no scene").unwrap();
+    let broken = folder.write("100 % broken.glb", b"glTF\x02\0\0\0 this is no scene");
     drag_file(&xvfb.display, &broken, 500, 300);
     let says = |desk: &Desk, name: &str| {
         let said = read(&desk.log);

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use x11rb::connection::Connection as _;
 use x11rb::protocol::xproto::{AtomEnum, ClientMessageEvent, ConnectionExt as _, EventMask};
+use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 
 use super::openxr_support::PROGRAM;
@@ -62,7 +63,7 @@ pub fn program_on(display: Option<&str>) -> Command {
 }
 
 /// The program's window, as another client of the display sees it.
-pub fn find_window(display: &str) -> (x11rb::rust_connection::RustConnection, u32) {
+pub fn find_window(display: &str) -> (RustConnection, u32) {
     let (connection, screen) = x11rb::connect(Some(display)).unwrap();
     let root = connection.setup().roots[screen].root;
     let began = Instant::now();
@@ -82,19 +83,18 @@ pub fn find_window(display: &str) -> (x11rb::rust_connection::RustConnection, u3
     panic!("no window of stereolux on {display}");
 }
 
+/// The number that a display has for a name.
+pub fn atom(connection: &RustConnection, name: &str) -> u32 {
+    let cookie = connection.intern_atom(false, name.as_bytes()).unwrap();
+    cookie.reply().unwrap().atom
+}
+
 /// Says what a window manager says when its close button is pressed.
 pub fn ask_to_close(display: &str) {
     let (connection, window) = find_window(display);
-    let atom = |name: &str| {
-        let cookie = connection.intern_atom(false, name.as_bytes()).unwrap();
-        cookie.reply().unwrap().atom
-    };
-    let message = ClientMessageEvent::new(
-        32,
-        window,
-        atom("WM_PROTOCOLS"),
-        [atom("WM_DELETE_WINDOW"), 0, 0, 0, 0],
-    );
+    let [protocols, close] =
+        ["WM_PROTOCOLS", "WM_DELETE_WINDOW"].map(|name| atom(&connection, name));
+    let message = ClientMessageEvent::new(32, window, protocols, [close, 0, 0, 0, 0]);
     connection
         .send_event(false, window, EventMask::NO_EVENT, message)
         .unwrap();

@@ -1,7 +1,9 @@
 //! The composited picture, read off a virtual screen: blocks of colour, one per corner, and a bar that stands nearer.
 
+use std::ops::Range;
 use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
+use std::time::{Duration, Instant};
 
 use serde_json::json;
 use stereolux::{App, AppError, FrameInput, World, run_app_with};
@@ -20,7 +22,7 @@ pub fn block_scene(folder: &Folder) -> String {
             .into_iter()
             .flat_map(u16::to_le_bytes),
     );
-    std::fs::write(folder.join("blocks.bin"), &bytes).unwrap();
+    folder.write("blocks.bin", &bytes);
     let blocks = [
         ([1.0, 0.0, 0.0], [-0.3, 0.3, -2.0], [0.5, 0.5, 1.0]),
         ([0.0, 1.0, 0.0], [0.3, 0.3, -2.0], [0.5, 0.5, 1.0]),
@@ -57,8 +59,8 @@ pub fn block_scene(folder: &Folder) -> String {
         ],
         "buffers": [{"uri": "blocks.bin", "byteLength": 60}],
     });
-    std::fs::write(folder.join("blocks.gltf"), scene.to_string()).unwrap();
-    folder.join("blocks.gltf").display().to_string()
+    let path = folder.write("blocks.gltf", scene.to_string());
+    path.display().to_string()
 }
 
 /// Red, green, blue of a screen dump in XWD format, 32 bits per pixel.
@@ -99,7 +101,7 @@ impl Screen {
 /// Mean place of the pixels of a colour in `columns` of the upper `rows`, and their number.
 fn centre(
     screen: &Screen,
-    columns: std::ops::Range<usize>,
+    columns: Range<usize>,
     rows: usize,
     color: [bool; 3],
 ) -> (f64, f64, usize) {
@@ -127,7 +129,7 @@ const YELLOW: [bool; 3] = [true, true, false];
 const MAGENTA: [bool; 3] = [true, false, true];
 
 /// What is wrong with the picture in the upper `rows`, if anything; the columns are the left and the right eye's.
-pub fn fault(screen: &Screen, halves: [std::ops::Range<usize>; 2], rows: usize) -> Option<String> {
+pub fn fault(screen: &Screen, halves: [Range<usize>; 2], rows: usize) -> Option<String> {
     let mut bars = Vec::new();
     for half in halves {
         let place = |color| centre(screen, half.clone(), rows, color);
@@ -149,7 +151,21 @@ pub fn fault(screen: &Screen, halves: [std::ops::Range<usize>; 2], rows: usize) 
     (bars[0] <= bars[1] + 2.0).then(|| format!("eyes exchanged: the bar is at {bars:?}"))
 }
 
-const WHOLE: [std::ops::Range<usize>; 2] = [0..WINDOW[0] / 2, WINDOW[0] / 2..WINDOW[0]];
+/// Looks until nothing is wrong with the picture; the last fault if something is for 20 seconds. A compositor fades a new program in
+/// and may lag behind on a busy machine.
+pub fn shows(screen: &Path, halves: [Range<usize>; 2], rows: usize) -> Result<Screen, String> {
+    let began = Instant::now();
+    loop {
+        let picture = Screen::read(screen);
+        match fault(&picture, halves.clone(), rows) {
+            None => return Ok(picture),
+            Some(what) if began.elapsed() > Duration::from_secs(20) => return Err(what),
+            Some(_) => std::thread::sleep(Duration::from_millis(50)),
+        }
+    }
+}
+
+const WHOLE: [Range<usize>; 2] = [0..WINDOW[0] / 2, WINDOW[0] / 2..WINDOW[0]];
 
 /// The compositor's picture of `block_scene`, once nothing is wrong with it, as `program` shows it with the flags that it is
 /// given in the variable [`FLAGS`] and after itself.
@@ -176,26 +192,12 @@ fn composited(name: &str, program: &str) -> Screen {
         .unwrap();
     wait_until(&mut child, "twenty frames", || frames_so_far(&out) >= 20);
     let screen_file = std::fs::read_to_string(folder.join("screen")).unwrap();
-    // The compositor fades a new program in and may lag behind on a busy machine: look until the picture is right.
-    let mut last = String::new();
-    let mut tries = 0;
-    let screen = loop {
-        let screen = Screen::read(Path::new(screen_file.trim()));
-        match fault(&screen, WHOLE, WINDOW[1]) {
-            None => break Some(screen),
-            Some(what) => last = what,
-        }
-        tries += 1;
-        if tries > 100 {
-            break None;
-        }
-        std::thread::sleep(std::time::Duration::from_millis(100));
-    };
+    let screen = shows(Path::new(screen_file.trim()), WHOLE, WINDOW[1]);
     let pid = std::fs::read_to_string(folder.join("pid")).unwrap();
     Command::new("kill").arg(pid.trim()).status().unwrap();
     // Interrupted.
     assert_status(&child.wait_with_output().unwrap(), 1);
-    screen.unwrap_or_else(|| panic!("{last}"))
+    screen.unwrap()
 }
 
 /// Variable with a program's flags, separated by spaces.

@@ -1,14 +1,14 @@
 //! What the OpenXR tests share: Monado through `scripts/monado.sh`, its remote driver, statistics of a run.
 
-use std::io::{Read as _, Write as _};
+use std::io::Write as _;
 use std::net::TcpStream;
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use crate::suite::support::{Folder, exrs, words};
-pub use crate::suite::support::{stats, stderr};
+use crate::suite::support::{Folder, exrs, lines, words};
+pub use crate::suite::support::{interrupt, stats, stderr, wait_until};
 
 /// The program under test.
 pub const PROGRAM: &str = env!("CARGO_BIN_EXE_stereolux");
@@ -77,8 +77,7 @@ pub fn assert_status(output: &Output, status: i32) {
 
 /// Lines of `stats.jsonl` so far.
 pub fn frames_so_far(out: &Path) -> usize {
-    std::fs::read(out.join("stats.jsonl"))
-        .map_or(0, |text| text.iter().filter(|byte| **byte == b'\n').count())
+    lines(&out.join("stats.jsonl"))
 }
 
 /// Every `.exr` of two folders is there in both and equal byte for byte; the number of files.
@@ -89,22 +88,6 @@ pub fn assert_same_images(a: &Path, b: &Path) -> usize {
         assert!(*bytes == b[name], "{name} differs");
     }
     a.len()
-}
-
-/// Waits until `ready`; fails after two minutes with `what`, or when `child` has ended.
-pub fn wait_until(child: &mut Child, what: &str, mut ready: impl FnMut() -> bool) {
-    let began = Instant::now();
-    while !ready() {
-        if let Some(status) = child.try_wait().unwrap() {
-            let mut text = String::new();
-            if let Some(mut stderr) = child.stderr.take() {
-                let _ = stderr.read_to_string(&mut text);
-            }
-            panic!("ended ({status}) before {what}: {text}");
-        }
-        assert!(began.elapsed() < Duration::from_secs(120), "no {what}");
-        std::thread::sleep(Duration::from_millis(20));
-    }
 }
 
 /// One eye as the remote driver takes it: pose relative to the head, f32 as sent.

@@ -25,6 +25,13 @@ impl Folder {
         self.0.join(name)
     }
 
+    /// Writes a file in it; its path.
+    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    }
+
     /// Every file below it, sorted, relative.
     pub fn files(&self) -> Vec<String> {
         fn walk(root: &Path, folder: &Path, found: &mut Vec<String>) {

@@ -143,35 +143,24 @@ fn only_leading_records_move_with_the_origin() {
 #[test]
 fn kinds_that_are_off_have_no_record() {
     let scene = scene();
-    let kinds = LightKinds {
-        emitters: false,
-        ..LightKinds::default()
-    };
-    let lights = pack_lights(
-        &LightSources {
+    let by_kinds = |kinds| {
+        let sources = LightSources {
             scene: &scene,
             environment: None,
             leaf_of_triangle: &[],
             kinds,
-        },
-        DVec3::ZERO,
-    );
+        };
+        pack_lights(&sources, DVec3::ZERO)
+    };
+    let mut kinds = LightKinds {
+        emitters: false,
+        ..LightKinds::default()
+    };
+    let lights = by_kinds(kinds);
     assert_eq!(lights.records.len(), 1);
     assert_eq!(lights.first_emitter, [NO_EMITTER; 2]);
-    let kinds = LightKinds {
-        emitters: false,
-        points: false,
-        ..LightKinds::default()
-    };
-    let lights = pack_lights(
-        &LightSources {
-            scene: &scene,
-            environment: None,
-            leaf_of_triangle: &[],
-            kinds,
-        },
-        DVec3::ZERO,
-    );
+    kinds.points = false;
+    let lights = by_kinds(kinds);
     assert!(lights.records.is_empty());
     assert_eq!(lights.alias, [LightAlias::default()]);
 }
