@@ -54,13 +54,8 @@ fn scene(mesh: Mesh, is_sunlit: bool) -> Scene {
     }
     // Lights shine along -Z: from +X and above.
     let towards = DVec3::new(-0.8, -0.5, 0.2).normalize();
-    let turned = DQuat::from_rotation_arc(DVec3::NEG_Z, towards);
-    add_light(
-        &mut scene,
-        LightKind::Directional,
-        3.0,
-        DAffine3::from_quat(turned),
-    );
+    let place = DAffine3::from_quat(DQuat::from_rotation_arc(DVec3::NEG_Z, towards));
+    add_light(&mut scene, LightKind::Directional, 3.0, place);
     scene
 }
 
