@@ -27,129 +27,62 @@ pub const LAMP_RADIANCE: [f32; 3] = [17.0, 12.0, 4.0];
 /// Vertical opening of the published camera: 25 mm of film behind 35 mm of focal length, 2 atan(12.5 / 35).
 pub const CAMERA_YFOV_RAD: f32 = 0.686_047_9;
 
-type Face = [[f64; 3]; 4];
-
-const FLOOR: Face = [
+/// Corners of the room in mm, those of the floor first.
+const ROOM: [[f64; 3]; 8] = [
     [552.8, 0.0, 0.0],
     [0.0, 0.0, 0.0],
     [0.0, 0.0, 559.2],
     [549.6, 0.0, 559.2],
-];
-const CEILING: Face = [
     [556.0, 548.8, 0.0],
     [556.0, 548.8, 559.2],
     [0.0, 548.8, 559.2],
     [0.0, 548.8, 0.0],
 ];
-const BACK_WALL: Face = [
-    [549.6, 0.0, 559.2],
-    [0.0, 0.0, 559.2],
-    [0.0, 548.8, 559.2],
-    [556.0, 548.8, 559.2],
-];
-const RIGHT_WALL: Face = [
-    [0.0, 0.0, 559.2],
-    [0.0, 0.0, 0.0],
-    [0.0, 548.8, 0.0],
-    [0.0, 548.8, 559.2],
-];
-const LEFT_WALL: Face = [
-    [552.8, 0.0, 0.0],
-    [549.6, 0.0, 559.2],
-    [556.0, 548.8, 559.2],
-    [556.0, 548.8, 0.0],
-];
-const LAMP_FACE: Face = [
+const LAMP_FACE: [[f64; 3]; 4] = [
     [343.0, 548.0, 227.0],
     [343.0, 548.0, 332.0],
     [213.0, 548.0, 332.0],
     [213.0, 548.0, 227.0],
 ];
-const SHORT_BLOCK: [Face; 5] = [
+/// x and z of a block's corners, its height, and the corner at which each of its sides begins, in the published order.
+type Block = ([[f64; 2]; 4], f64, [usize; 4]);
+const SHORT_BLOCK: Block = (
+    [[130.0, 65.0], [82.0, 225.0], [240.0, 272.0], [290.0, 114.0]],
+    165.0,
+    [3, 0, 1, 2],
+);
+const TALL_BLOCK: Block = (
     [
-        [130.0, 165.0, 65.0],
-        [82.0, 165.0, 225.0],
-        [240.0, 165.0, 272.0],
-        [290.0, 165.0, 114.0],
+        [423.0, 247.0],
+        [265.0, 296.0],
+        [314.0, 456.0],
+        [472.0, 406.0],
     ],
-    [
-        [290.0, 0.0, 114.0],
-        [290.0, 165.0, 114.0],
-        [240.0, 165.0, 272.0],
-        [240.0, 0.0, 272.0],
-    ],
-    [
-        [130.0, 0.0, 65.0],
-        [130.0, 165.0, 65.0],
-        [290.0, 165.0, 114.0],
-        [290.0, 0.0, 114.0],
-    ],
-    [
-        [82.0, 0.0, 225.0],
-        [82.0, 165.0, 225.0],
-        [130.0, 165.0, 65.0],
-        [130.0, 0.0, 65.0],
-    ],
-    [
-        [240.0, 0.0, 272.0],
-        [240.0, 165.0, 272.0],
-        [82.0, 165.0, 225.0],
-        [82.0, 0.0, 225.0],
-    ],
-];
-const TALL_BLOCK: [Face; 5] = [
-    [
-        [423.0, 330.0, 247.0],
-        [265.0, 330.0, 296.0],
-        [314.0, 330.0, 456.0],
-        [472.0, 330.0, 406.0],
-    ],
-    [
-        [423.0, 0.0, 247.0],
-        [423.0, 330.0, 247.0],
-        [472.0, 330.0, 406.0],
-        [472.0, 0.0, 406.0],
-    ],
-    [
-        [472.0, 0.0, 406.0],
-        [472.0, 330.0, 406.0],
-        [314.0, 330.0, 456.0],
-        [314.0, 0.0, 456.0],
-    ],
-    [
-        [314.0, 0.0, 456.0],
-        [314.0, 330.0, 456.0],
-        [265.0, 330.0, 296.0],
-        [265.0, 0.0, 296.0],
-    ],
-    [
-        [265.0, 0.0, 296.0],
-        [265.0, 330.0, 296.0],
-        [423.0, 330.0, 247.0],
-        [423.0, 0.0, 247.0],
-    ],
-];
-/// A point in the middle of the room and one in each block, to tell fronts from backs.
-const ROOM_MIDDLE: [f64; 3] = [278.0, 274.4, 279.6];
-const SHORT_BLOCK_MIDDLE: [f64; 3] = [185.5, 82.5, 169.0];
-const TALL_BLOCK_MIDDLE: [f64; 3] = [368.5, 165.0, 351.25];
+    330.0,
+    [0, 3, 2, 1],
+);
 const CAMERA: [f64; 3] = [278.0, 273.0, -800.0];
 
 /// From the published frame, mm, to glTF's, m.
-fn place(point: [f64; 3]) -> DVec3 {
-    DVec3::new(-point[0], point[1], -point[2]) / 1000.0
+fn place([x, y, z]: [f64; 3]) -> DVec3 {
+    DVec3::new(-x, y, -z) / 1000.0
 }
 
-/// A face with its front towards `middle`, or away from it.
-fn oriented(face: Face, middle: [f64; 3], inward: bool) -> Shape {
-    let corners = face.map(place);
-    let center = corners.iter().sum::<DVec3>() / 4.0;
-    let towards = if inward {
-        place(middle)
-    } else {
-        2.0 * center - place(middle)
+/// The top and the sides of a block, facing away from its middle.
+fn block((corners, height, sides): Block) -> Shape {
+    let at = |corner: usize, y| {
+        let [x, z] = corners[corner % 4];
+        place([x, y, z])
     };
-    Shape::quadrangle_facing(corners, towards)
+    let top = [0, 1, 2, 3].map(|corner| at(corner, height));
+    let middle = top.iter().sum::<DVec3>() / 4.0 - DVec3::Y * at(0, height / 2.0).y;
+    let sides = sides.map(|a| [at(a, 0.0), at(a, height), at(a + 3, height), at(a + 3, 0.0)]);
+    let mut block = Shape::default();
+    for face in [top].into_iter().chain(sides) {
+        let center = face.iter().sum::<DVec3>() / 4.0;
+        block.append(Shape::quadrangle_facing(face, 2.0 * center - middle));
+    }
+    block
 }
 
 /// The binary glTF of the box.
@@ -163,30 +96,22 @@ pub fn write() -> Result<Vec<u8>, SceneError> {
         ..Material::lambert("lamp", LAMP)
     });
 
+    let wall = |corners: [usize; 4]| corners.map(|corner| ROOM[corner]);
     let room = [
-        ("floor", FLOOR, white),
-        ("ceiling", CEILING, white),
-        ("back wall", BACK_WALL, white),
-        ("right wall", RIGHT_WALL, green),
-        ("left wall", LEFT_WALL, red),
+        ("floor", wall([0, 1, 2, 3]), white),
+        ("ceiling", wall([4, 5, 6, 7]), white),
+        ("back wall", wall([3, 2, 6, 5]), white),
+        ("right wall", wall([2, 1, 7, 6]), green),
+        ("left wall", wall([0, 3, 5, 4]), red),
         ("lamp", LAMP_FACE, lamp),
     ];
     for (name, face, material) in room {
-        let mesh = glb.mesh(
-            name,
-            &[oriented(face, ROOM_MIDDLE, true).plain_part(material)],
-        )?;
+        let shape = Shape::quadrangle_facing(face.map(place), place([278.0, 274.4, 279.6]));
+        let mesh = glb.mesh(name, &[shape.plain_part(material)]);
         glb.node(name, DAffine3::IDENTITY, Payload::Mesh(mesh));
     }
-    for (name, faces, middle) in [
-        ("short block", SHORT_BLOCK, SHORT_BLOCK_MIDDLE),
-        ("tall block", TALL_BLOCK, TALL_BLOCK_MIDDLE),
-    ] {
-        let mut block = Shape::default();
-        for face in faces {
-            block.append(oriented(face, middle, false));
-        }
-        let mesh = glb.mesh(name, &[block.plain_part(white)])?;
+    for (name, of) in [("short block", SHORT_BLOCK), ("tall block", TALL_BLOCK)] {
+        let mesh = glb.mesh(name, &[block(of).plain_part(white)]);
         glb.node(name, DAffine3::IDENTITY, Payload::Mesh(mesh));
     }
     let camera = glb.camera("viewpoint", CAMERA_YFOV_RAD);

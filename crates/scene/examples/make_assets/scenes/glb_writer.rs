@@ -1,16 +1,17 @@
-//! Writes binary glTF 2.0 with the features that the importer reads.
+//! Writes binary glTF 2.0 with the features that the embedded scenes have.
 //!
 //! Positions, normals and texture coordinates are rounded to seven decimals before they become f32, so that the last
 //! bit of a sine, which differs between mathematical libraries, does not change the file.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use glam::{DAffine3, DVec2, DVec3};
+use image::RgbImage;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use serde_json::{Value, json};
 use stereolux_scene::animation::{Interpolation, Track};
 use stereolux_scene::gltf_writer::{assemble, number, numbers, put_light_kind};
-use stereolux_scene::{
-    AlphaMode, Filter, Material, MorphTarget, PunctualLight, SceneError, TextureRef, VertexJoints,
-    Wrap,
-};
+use stereolux_scene::{Material, MorphTarget, PunctualLight, SceneError, VertexJoints, Wrap};
 
 /// Triangles of one material, in object space, metres.
 #[derive(Clone, Debug, Default)]
@@ -19,7 +20,7 @@ pub struct Part {
     pub material: u32,
     /// One per vertex.
     pub positions: Vec<DVec3>,
-    /// One per vertex, unit length; empty for flat shading.
+    /// One per vertex, unit length.
     pub normals: Vec<DVec3>,
     /// One per vertex; empty for none. v points down the image.
     pub uvs: Vec<DVec2>,
@@ -57,26 +58,31 @@ pub enum Payload {
 #[derive(Debug, Default)]
 pub struct GlbWriter {
     bin: Vec<u8>,
-    accessors: Vec<Value>,
-    animations: Vec<Value>,
     has_parent: Vec<bool>,
-    skins: Vec<Value>,
-    buffer_views: Vec<Value>,
-    cameras: Vec<Value>,
-    images: Vec<Value>,
     lights: Vec<Value>,
-    materials: Vec<Value>,
-    meshes: Vec<Value>,
     nodes: Vec<Value>,
-    samplers: Vec<Value>,
-    textures: Vec<Value>,
-    extensions_used: Vec<&'static str>,
+    /// The document's other lists; glTF forbids empty ones.
+    lists: BTreeMap<&'static str, Vec<Value>>,
+    extensions_used: BTreeSet<&'static str>,
 }
+
+/// The order of `lists` in the file.
+const LISTS: [&str; 10] = [
+    "meshes",
+    "materials",
+    "textures",
+    "samplers",
+    "images",
+    "cameras",
+    "skins",
+    "animations",
+    "accessors",
+    "bufferViews",
+];
 
 /// glTF's enumerations (glTF 2.0, sections 5.1 and 5.26).
 const FLOAT: u32 = 5126;
 const UNSIGNED_SHORT: u32 = 5123;
-const UNSIGNED_INT: u32 = 5125;
 const ARRAY_BUFFER: u32 = 34_962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34_963;
 
@@ -86,200 +92,105 @@ impl GlbWriter {
         Self::default()
     }
 
-    /// Embeds an 8-bit RGB picture as PNG and a texture that samples it; returns the texture's index.
-    ///
-    /// # Errors
-    /// `rgb` does not hold `width * height * 3` bytes.
+    fn push(&mut self, list: &'static str, value: Value) -> u32 {
+        let list = self.lists.entry(list).or_default();
+        list.push(value);
+        list.len() as u32 - 1
+    }
+
+    /// Embeds a picture as PNG and a texture that samples it, smoothly; returns the texture's index.
     pub fn texture(
         &mut self,
         name: &str,
-        width: u32,
-        height: u32,
-        rgb: &[u8],
+        picture: &RgbImage,
         wrap: Wrap,
-        filter: Filter,
     ) -> Result<u32, SceneError> {
-        use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-        use image::{ExtendedColorType, ImageEncoder};
         let mut png = Vec::new();
-        if rgb.len() != width as usize * height as usize * 3 {
-            return Err(SceneError::Write {
-                what: format!("image '{name}' is not {width}x{height} RGB"),
-            });
-        }
-        PngEncoder::new_with_quality(&mut png, CompressionType::Default, FilterType::Adaptive)
-            .write_image(rgb, width, height, ExtendedColorType::Rgb8)
+        let (compression, filter) = (CompressionType::Default, FilterType::Adaptive);
+        let encoder = PngEncoder::new_with_quality(&mut png, compression, filter);
+        picture
+            .write_with_encoder(encoder)
             .map_err(|error| SceneError::Write {
                 what: format!("image '{name}': {error}"),
             })?;
         let view = self.view(&png, None);
-        self.images
-            .push(json!({ "name": name, "mimeType": "image/png", "bufferView": view }));
-        let mode = match wrap {
-            Wrap::Repeat => 10_497,
-            Wrap::Mirror => 33_648,
-            Wrap::Clamp => 33_071,
-        };
-        let (magnify, minify) = match filter {
-            Filter::Nearest => (9728, 9728),
-            Filter::Linear => (9729, 9729),
-        };
-        self.samplers.push(
-            json!({ "magFilter": magnify, "minFilter": minify, "wrapS": mode, "wrapT": mode }),
-        );
-        self.textures
-            .push(json!({ "sampler": self.samplers.len() - 1, "source": self.images.len() - 1 }));
-        Ok(self.textures.len() as u32 - 1)
+        let image = json!({ "name": name, "mimeType": "image/png", "bufferView": view });
+        let mode = if wrap == Wrap::Repeat { 10_497 } else { 33_071 };
+        let sampler = json!({ "magFilter": 9729, "minFilter": 9729, "wrapS": mode, "wrapT": mode });
+        let sampler = self.push("samplers", sampler);
+        let source = self.push("images", image);
+        Ok(self.push("textures", json!({ "sampler": sampler, "source": source })))
     }
 
-    /// Adds a material; its texture indices are those that [`GlbWriter::texture`] gave.
+    /// Adds a material of factors and a picture of its base colour, whose index [`GlbWriter::texture`] gave.
     pub fn material(&mut self, material: &Material) -> u32 {
-        let defaults = Material::default();
         let mut pbr = json!({
             "baseColorFactor": numbers(&material.base_color),
             "metallicFactor": number(material.metallic),
             "roughnessFactor": number(material.roughness),
         });
-        self.slot(&mut pbr, "baseColorTexture", material.base_color_texture);
-        self.slot(
-            &mut pbr,
-            "metallicRoughnessTexture",
-            material.metallic_roughness_texture,
-        );
-        let mut value = json!({ "name": material.name, "pbrMetallicRoughness": pbr });
-        self.slot(&mut value, "normalTexture", material.normal_texture);
-        if material.normal_texture.is_some() && material.normal_scale != 1.0 {
-            value["normalTexture"]["scale"] = number(material.normal_scale);
+        if let Some(texture) = material.base_color_texture {
+            pbr["baseColorTexture"] = json!({ "index": texture.texture });
         }
-        self.slot(&mut value, "emissiveTexture", material.emissive_texture);
-        let mut extensions = json!({});
+        let mut value = json!({ "name": material.name, "pbrMetallicRoughness": pbr });
+        let mut extensions = Vec::new();
         if material.is_emissive() {
             // The factor is limited to 0..1, the strength is not.
             let strength = material.emission.iter().copied().fold(1.0_f32, f32::max);
             value["emissiveFactor"] = numbers(&material.emission.map(|channel| channel / strength));
-            if strength > 1.0 {
-                extensions["KHR_materials_emissive_strength"] =
-                    json!({ "emissiveStrength": number(strength) });
-            }
-        }
-        match material.alpha_mode {
-            AlphaMode::Opaque => {}
-            AlphaMode::Mask { cutoff } => {
-                value["alphaMode"] = json!("MASK");
-                value["alphaCutoff"] = number(cutoff);
-            }
-            AlphaMode::Blend => value["alphaMode"] = json!("BLEND"),
+            let strength = json!({ "emissiveStrength": number(strength) });
+            extensions.push(("KHR_materials_emissive_strength", strength));
         }
         if material.double_sided {
             value["doubleSided"] = json!(true);
         }
-        if material.ior != defaults.ior {
-            extensions["KHR_materials_ior"] = json!({ "ior": number(material.ior) });
-        }
-        let has_specular = material.specular != defaults.specular
-            || material.specular_color != defaults.specular_color
-            || material.specular_texture.is_some()
-            || material.specular_color_texture.is_some();
-        if has_specular {
-            let mut specular = json!({
+        if material.specular != 1.0 {
+            let specular = json!({
                 "specularFactor": number(material.specular),
                 "specularColorFactor": numbers(&material.specular_color),
             });
-            self.slot(&mut specular, "specularTexture", material.specular_texture);
-            self.slot(
-                &mut specular,
-                "specularColorTexture",
-                material.specular_color_texture,
-            );
-            extensions["KHR_materials_specular"] = specular;
+            extensions.push(("KHR_materials_specular", specular));
         }
         if material.transmission > 0.0 {
-            let mut transmission = json!({ "transmissionFactor": number(material.transmission) });
-            self.slot(
-                &mut transmission,
-                "transmissionTexture",
-                material.transmission_texture,
-            );
-            extensions["KHR_materials_transmission"] = transmission;
+            let transmission = json!({ "transmissionFactor": number(material.transmission) });
+            extensions.push(("KHR_materials_transmission", transmission));
+            let volume = json!({
+                "thicknessFactor": number(material.thickness),
+                "attenuationColor": numbers(&material.attenuation_color),
+            });
+            extensions.push(("KHR_materials_volume", volume));
         }
-        if material.thickness > 0.0 || material.attenuation_distance_m.is_finite() {
-            let mut volume = json!({ "thicknessFactor": number(material.thickness), "attenuationColor": numbers(&material.attenuation_color) });
-            if material.attenuation_distance_m.is_finite() {
-                volume["attenuationDistance"] = number(material.attenuation_distance_m);
-            }
-            extensions["KHR_materials_volume"] = volume;
+        for (name, extension) in extensions {
+            self.extensions_used.insert(name);
+            value["extensions"][name] = extension;
         }
-        for name in [
-            "KHR_materials_emissive_strength",
-            "KHR_materials_ior",
-            "KHR_materials_specular",
-            "KHR_materials_transmission",
-            "KHR_materials_volume",
-        ] {
-            if extensions.get(name).is_some() {
-                self.uses(name);
-            }
-        }
-        if extensions
-            .as_object()
-            .is_some_and(|extensions| !extensions.is_empty())
-        {
-            value["extensions"] = extensions;
-        }
-        self.materials.push(value);
-        self.materials.len() as u32 - 1
+        self.push("materials", value)
     }
 
     /// Adds a mesh of one primitive per part.
-    ///
-    /// # Errors
-    /// A part whose arrays differ in length, or whose triangles name missing vertices.
-    pub fn mesh(&mut self, name: &str, parts: &[Part]) -> Result<u32, SceneError> {
+    pub fn mesh(&mut self, name: &str, parts: &[Part]) -> u32 {
         let mut primitives = Vec::with_capacity(parts.len());
         for part in parts {
-            let count = part.positions.len();
-            let fits = |length: usize| length == 0 || length == count;
-            let in_range = part
-                .triangles
-                .as_flattened()
-                .iter()
-                .all(|vertex| (*vertex as usize) < count);
-            if count == 0
-                || !fits(part.normals.len())
-                || !fits(part.uvs.len())
-                || !fits(part.joints.len())
-                || part
-                    .targets
-                    .iter()
-                    .any(|target| target.positions.len() != count || target.normals.len() != count)
-                || !in_range
-                || part.triangles.is_empty()
-            {
-                return Err(SceneError::Write {
-                    what: format!(
-                        "mesh '{name}' has a part without triangles or with arrays that do not fit"
-                    ),
-                });
-            }
-            let positions: Vec<[f32; 3]> = part.positions.iter().map(on_grid).collect();
-            let mut attributes = json!({ "POSITION": self.floats(&positions, "VEC3", true) });
-            if !part.normals.is_empty() {
-                let normals: Vec<[f32; 3]> = part.normals.iter().map(on_grid).collect();
-                attributes["NORMAL"] = json!(self.floats(&normals, "VEC3", false));
-            }
+            let vec3s = |of: &[DVec3]| of.iter().map(on_grid).collect::<Vec<_>>();
+            let mut attributes = json!({
+                "POSITION": self.floats(&vec3s(&part.positions), "VEC3", true, Some(ARRAY_BUFFER)),
+                "NORMAL": self.floats(&vec3s(&part.normals), "VEC3", false, Some(ARRAY_BUFFER)),
+            });
             if !part.uvs.is_empty() {
-                let uvs: Vec<[f32; 2]> = part
-                    .uvs
-                    .iter()
-                    .map(|uv| [round(uv.x), round(uv.y)])
-                    .collect();
-                attributes["TEXCOORD_0"] = json!(self.floats(&uvs, "VEC2", false));
+                let uvs = part.uvs.iter().map(|uv| uv.to_array().map(round));
+                let uvs: Vec<_> = uvs.collect();
+                attributes["TEXCOORD_0"] =
+                    json!(self.floats(&uvs, "VEC2", false, Some(ARRAY_BUFFER)));
             }
-            let indices = self.indices(part.triangles.as_flattened(), count);
+            let corners = part.triangles.as_flattened().iter();
+            let corners: Vec<u16> = corners.map(|corner| *corner as u16).collect();
+            let indices = self.shorts(&corners, "SCALAR", ELEMENT_ARRAY_BUFFER);
             if !part.joints.is_empty() {
-                let (joints, weights) = self.joints(&part.joints);
-                attributes["JOINTS_0"] = json!(joints);
-                attributes["WEIGHTS_0"] = json!(weights);
+                let joints: Vec<_> = part.joints.iter().map(|vertex| vertex.joints).collect();
+                let weights: Vec<_> = part.joints.iter().map(|vertex| vertex.weights).collect();
+                attributes["JOINTS_0"] = json!(self.shorts(&joints, "VEC4", ARRAY_BUFFER));
+                attributes["WEIGHTS_0"] =
+                    json!(self.floats(&weights, "VEC4", false, Some(ARRAY_BUFFER)));
             }
             let mut primitive =
                 json!({ "attributes": attributes, "indices": indices, "material": part.material });
@@ -288,8 +199,10 @@ impl GlbWriter {
                     .targets
                     .iter()
                     .map(|target| {
-                        let positions = self.floats(&target.positions, "VEC3", true);
-                        let normals = self.floats(&target.normals, "VEC3", false);
+                        let positions =
+                            self.floats(&target.positions, "VEC3", true, Some(ARRAY_BUFFER));
+                        let normals =
+                            self.floats(&target.normals, "VEC3", false, Some(ARRAY_BUFFER));
                         json!({ "POSITION": positions, "NORMAL": normals })
                     })
                     .collect();
@@ -297,22 +210,16 @@ impl GlbWriter {
             }
             primitives.push(primitive);
         }
-        self.meshes
-            .push(json!({ "name": name, "primitives": primitives }));
-        Ok(self.meshes.len() as u32 - 1)
+        self.push("meshes", json!({ "name": name, "primitives": primitives }))
     }
 
     /// Adds a punctual light.
     pub fn light(&mut self, light: &PunctualLight) -> u32 {
-        self.uses("KHR_lights_punctual");
+        self.extensions_used.insert("KHR_lights_punctual");
         let intensity = light.intensity.iter().copied().fold(0.0_f32, f32::max);
-        let color = if intensity > 0.0 {
-            light.intensity.map(|channel| channel / intensity)
-        } else {
-            [1.0; 3]
-        };
+        let color = numbers(&light.intensity.map(|channel| channel / intensity));
         let mut value =
-            json!({ "name": light.name, "color": numbers(&color), "intensity": number(intensity) });
+            json!({ "name": light.name, "color": color, "intensity": number(intensity) });
         put_light_kind(&mut value, light.kind);
         self.lights.push(value);
         self.lights.len() as u32 - 1
@@ -320,25 +227,21 @@ impl GlbWriter {
 
     /// Adds a perspective camera with the given full vertical angle, square pictures.
     pub fn camera(&mut self, name: &str, yfov_rad: f32) -> u32 {
-        self.cameras.push(json!({
+        let camera = json!({
             "name": name,
             "type": "perspective",
             "perspective": { "aspectRatio": 1.0, "yfov": number(yfov_rad), "znear": 0.01 },
-        }));
-        self.cameras.len() as u32 - 1
+        });
+        self.push("cameras", camera)
     }
 
-    /// Adds a root node; returns its index. The transform must be a translation, rotation and scaling without shear.
-    pub fn node(&mut self, name: &str, world_from_node: DAffine3, payload: Payload) -> u32 {
-        self.bare_node(name, world_from_node, Some(payload))
-    }
-
-    /// Adds a root node that may carry nothing, for joints.
-    pub fn bare_node(
+    /// Adds a root node, which may carry nothing: a joint; returns its index. The transform must be a translation, rotation
+    /// and scaling without shear.
+    pub fn node(
         &mut self,
         name: &str,
         world_from_node: DAffine3,
-        payload: Option<Payload>,
+        payload: impl Into<Option<Payload>>,
     ) -> u32 {
         let (scale, rotation, translation) = world_from_node.to_scale_rotation_translation();
         let mut value = json!({ "name": name });
@@ -353,7 +256,7 @@ impl GlbWriter {
         if scale != [1.0; 3] {
             value["scale"] = numbers(&scale);
         }
-        match payload {
+        match payload.into() {
             None => {}
             Some(Payload::Mesh(index)) => value["mesh"] = json!(index),
             Some(Payload::Camera(index)) => value["camera"] = json!(index),
@@ -369,13 +272,9 @@ impl GlbWriter {
     /// Hangs nodes under another one; their transforms then lead to it.
     pub fn adopt(&mut self, parent: u32, children: &[u32]) {
         for child in children {
-            if let Some(has_parent) = self.has_parent.get_mut(*child as usize) {
-                *has_parent = true;
-            }
+            self.has_parent[*child as usize] = true;
         }
-        if let Some(node) = self.nodes.get_mut(parent as usize) {
-            node["children"] = json!(children);
-        }
+        self.nodes[parent as usize]["children"] = json!(children);
     }
 
     /// Gives a node's mesh a skin: joints, and for each the matrix from the mesh's space to its own.
@@ -384,42 +283,28 @@ impl GlbWriter {
             .iter()
             .map(|matrix| glam::DMat4::from(*matrix).to_cols_array().map(round))
             .collect();
-        let matrices = self.plain_floats(&matrices, "MAT4", false);
-        self.skins
-            .push(json!({ "joints": joints, "inverseBindMatrices": matrices }));
-        if let Some(node) = self.nodes.get_mut(node as usize) {
-            node["skin"] = json!(self.skins.len() - 1);
-        }
+        let matrices = self.floats(&matrices, "MAT4", false, None);
+        let skin = json!({ "joints": joints, "inverseBindMatrices": matrices });
+        self.nodes[node as usize]["skin"] = json!(self.push("skins", skin));
     }
 
     /// Adds an animation.
-    ///
-    /// # Errors
-    /// A track whose values do not fit its keys.
-    pub fn animation(&mut self, name: &str, channels: &[Channel<'_>]) -> Result<(), SceneError> {
+    pub fn animation(&mut self, name: &str, channels: &[Channel<'_>]) {
         let (mut samplers, mut targets) = (Vec::new(), Vec::new());
         for channel in channels {
             let track = &channel.track;
-            let (interpolation, per_key) = match track.interpolation {
-                Interpolation::Step => ("STEP", 1),
-                Interpolation::Linear => ("LINEAR", 1),
-                Interpolation::CubicSpline => ("CUBICSPLINE", 3),
+            let interpolation = match track.interpolation {
+                Interpolation::Step => "STEP",
+                Interpolation::Linear => "LINEAR",
+                Interpolation::CubicSpline => "CUBICSPLINE",
             };
-            let fits = track.values.len() == track.times_s.len() * per_key * track.width;
-            if track.times_s.is_empty() || !fits {
-                return Err(SceneError::Write {
-                    what: format!(
-                        "animation '{name}' has a track whose values do not fit its keys"
-                    ),
-                });
-            }
             let times: Vec<[f32; 1]> = track.times_s.iter().map(|time| [round(*time)]).collect();
             let values: Vec<f32> = track.values.iter().map(|value| round(*value)).collect();
-            let input = self.plain_floats(&times, "SCALAR", true);
+            let input = self.floats(&times, "SCALAR", true, None);
             let output = match channel.path {
-                "rotation" => self.plain_floats(values.as_chunks::<4>().0, "VEC4", false),
-                "weights" => self.plain_floats(values.as_chunks::<1>().0, "SCALAR", false),
-                _ => self.plain_floats(values.as_chunks::<3>().0, "VEC3", false),
+                "rotation" => self.floats(values.as_chunks::<4>().0, "VEC4", false, None),
+                "weights" => self.floats(values.as_chunks::<1>().0, "SCALAR", false, None),
+                _ => self.floats(values.as_chunks::<3>().0, "VEC3", false, None),
             };
             targets.push(json!({
                 "sampler": samplers.len(),
@@ -428,22 +313,10 @@ impl GlbWriter {
             samplers
                 .push(json!({ "input": input, "output": output, "interpolation": interpolation }));
         }
-        self.animations
-            .push(json!({ "name": name, "samplers": samplers, "channels": targets }));
-        Ok(())
-    }
-
-    fn joints(&mut self, joints: &[VertexJoints]) -> (usize, usize) {
-        let bytes: Vec<u8> = joints
-            .iter()
-            .flat_map(|vertex| vertex.joints)
-            .flat_map(u16::to_le_bytes)
-            .collect();
-        let view = self.view(&bytes, Some(ARRAY_BUFFER));
-        self.accessors.push(json!({ "bufferView": view, "componentType": UNSIGNED_SHORT, "count": joints.len(), "type": "VEC4" }));
-        let first = self.accessors.len() - 1;
-        let weights: Vec<[f32; 4]> = joints.iter().map(|vertex| vertex.weights).collect();
-        (first, self.floats(&weights, "VEC4", false))
+        self.push(
+            "animations",
+            json!({ "name": name, "samplers": samplers, "channels": targets }),
+        );
     }
 
     /// The finished file.
@@ -451,7 +324,7 @@ impl GlbWriter {
     /// # Errors
     /// More than 4 GiB of data.
     pub fn finish(mut self, name: &str) -> Result<Vec<u8>, SceneError> {
-        pad(&mut self.bin, 0);
+        pad(&mut self.bin);
         let roots: Vec<usize> = (0..self.nodes.len())
             .filter(|node| !self.has_parent[*node])
             .collect();
@@ -464,65 +337,25 @@ impl GlbWriter {
         if !self.lights.is_empty() {
             root["extensions"] = json!({ "KHR_lights_punctual": { "lights": self.lights } });
         }
-        self.extensions_used.sort_unstable();
-        let lists = [
-            (
-                "extensionsUsed",
-                self.extensions_used.into_iter().map(Value::from).collect(),
-            ),
-            ("meshes", self.meshes),
-            ("materials", self.materials),
-            ("textures", self.textures),
-            ("samplers", self.samplers),
-            ("images", self.images),
-            ("cameras", self.cameras),
-            ("skins", self.skins),
-            ("animations", self.animations),
-            ("accessors", self.accessors),
-            ("bufferViews", self.buffer_views),
-        ];
-        for (key, list) in lists {
-            // glTF forbids empty lists.
-            if !list.is_empty() {
+        root["extensionsUsed"] = json!(self.extensions_used);
+        for key in LISTS {
+            if let Some(list) = self.lists.remove(key) {
                 root[key] = Value::Array(list);
             }
         }
-        if !self.bin.is_empty() {
-            root["buffers"] = json!([{ "byteLength": self.bin.len() }]);
-        }
+        root["buffers"] = json!([{ "byteLength": self.bin.len() }]);
         assemble(root.to_string().into_bytes(), self.bin)
     }
 
-    fn uses(&mut self, extension: &'static str) {
-        if !self.extensions_used.contains(&extension) {
-            self.extensions_used.push(extension);
-        }
-    }
-
-    fn slot(&mut self, object: &mut Value, key: &str, texture: Option<TextureRef>) {
-        let Some(texture) = texture else { return };
-        let mut value = json!({ "index": texture.texture });
-        if texture.uv_set != 0 {
-            value["texCoord"] = json!(texture.uv_set);
-        }
-        let [su, sin_v, tu, sin_u, sv, tv] = texture.texcoord_from_uv;
-        if texture.texcoord_from_uv != TextureRef::IDENTITY && sin_u == 0.0 && sin_v == 0.0 {
-            self.uses("KHR_texture_transform");
-            value["extensions"] = json!({ "KHR_texture_transform": { "offset": numbers(&[tu, tv]), "scale": numbers(&[su, sv]) } });
-        }
-        object[key] = value;
-    }
-
-    fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
-        pad(&mut self.bin, 0);
+    fn view(&mut self, bytes: &[u8], target: Option<u32>) -> u32 {
+        pad(&mut self.bin);
         let mut view =
             json!({ "buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len() });
         if let Some(target) = target {
             view["target"] = json!(target);
         }
         self.bin.extend_from_slice(bytes);
-        self.buffer_views.push(view);
-        self.buffer_views.len() - 1
+        self.push("bufferViews", view)
     }
 
     fn floats<const N: usize>(
@@ -530,81 +363,33 @@ impl GlbWriter {
         elements: &[[f32; N]],
         kind: &str,
         with_bounds: bool,
-    ) -> usize {
-        self.floats_for(elements, kind, with_bounds, Some(ARRAY_BUFFER))
-    }
-
-    /// Numbers that are no vertex attributes.
-    fn plain_floats<const N: usize>(
-        &mut self,
-        elements: &[[f32; N]],
-        kind: &str,
-        with_bounds: bool,
-    ) -> usize {
-        self.floats_for(elements, kind, with_bounds, None)
-    }
-
-    fn floats_for<const N: usize>(
-        &mut self,
-        elements: &[[f32; N]],
-        kind: &str,
-        with_bounds: bool,
         target: Option<u32>,
-    ) -> usize {
-        let bytes: Vec<u8> = elements
-            .as_flattened()
-            .iter()
-            .flat_map(|value| value.to_le_bytes())
-            .collect();
-        let view = self.view(&bytes, target);
-        let mut accessor = json!({ "bufferView": view, "componentType": FLOAT, "count": elements.len(), "type": kind });
+    ) -> u32 {
+        let view = self.view(bytemuck::cast_slice(elements.as_flattened()), target);
+        let mut accessor = accessor(view, FLOAT, elements.len(), kind);
         if with_bounds {
-            let extreme = |pick: fn(f32, f32) -> f32| -> Vec<Value> {
-                (0..N)
-                    .map(|axis| {
-                        number(
-                            elements
-                                .iter()
-                                .map(|element| element[axis])
-                                .fold(elements[0][axis], pick),
-                        )
-                    })
-                    .collect()
-            };
-            accessor["min"] = Value::Array(extreme(f32::min));
-            accessor["max"] = Value::Array(extreme(f32::max));
+            for (key, pick) in [("min", f32::min as fn(f32, f32) -> f32), ("max", f32::max)] {
+                let extreme = |axis| elements.iter().map(|of| of[axis]).reduce(pick);
+                let extremes = (0..N).filter_map(extreme).map(number);
+                accessor[key] = extremes.collect();
+            }
         }
-        self.accessors.push(accessor);
-        self.accessors.len() - 1
+        self.push("accessors", accessor)
     }
 
-    fn indices(&mut self, indices: &[u32], vertex_count: usize) -> usize {
-        // 65535 itself is reserved (primitive restart).
-        let is_short = vertex_count <= 65_535;
-        let bytes: Vec<u8> = if is_short {
-            indices
-                .iter()
-                .flat_map(|index| (*index as u16).to_le_bytes())
-                .collect()
-        } else {
-            indices
-                .iter()
-                .flat_map(|index| index.to_le_bytes())
-                .collect()
-        };
-        let view = self.view(&bytes, Some(ELEMENT_ARRAY_BUFFER));
-        let component = if is_short {
-            UNSIGNED_SHORT
-        } else {
-            UNSIGNED_INT
-        };
-        self.accessors.push(json!({ "bufferView": view, "componentType": component, "count": indices.len(), "type": "SCALAR" }));
-        self.accessors.len() - 1
+    fn shorts<T: bytemuck::NoUninit>(&mut self, elements: &[T], kind: &str, target: u32) -> u32 {
+        let view = self.view(bytemuck::cast_slice(elements), Some(target));
+        let accessor = accessor(view, UNSIGNED_SHORT, elements.len(), kind);
+        self.push("accessors", accessor)
     }
 }
 
-fn pad(bytes: &mut Vec<u8>, filler: u8) {
-    bytes.resize(bytes.len().next_multiple_of(4), filler);
+fn accessor(view: u32, component: u32, count: usize, kind: &str) -> Value {
+    json!({ "bufferView": view, "componentType": component, "count": count, "type": kind })
+}
+
+fn pad(bytes: &mut Vec<u8>) {
+    bytes.resize(bytes.len().next_multiple_of(4), 0);
 }
 
 /// Rounds to seven decimals, and turns -0 into 0.
@@ -613,5 +398,5 @@ fn round(value: f64) -> f32 {
 }
 
 fn on_grid(v: &DVec3) -> [f32; 3] {
-    [round(v.x), round(v.y), round(v.z)]
+    v.to_array().map(round)
 }

@@ -2,41 +2,25 @@
 //! machine paints the same bytes.
 
 use glam::DVec2;
-
-/// An RGB picture under construction.
-pub struct Picture {
-    pub width: u32,
-    pub height: u32,
-    pub rgb: Vec<u8>,
-}
+use image::{Rgb, RgbImage};
 
 /// Colour with channels from 0 to 255, sRGB.
 type Color = [f64; 3];
 
-impl Picture {
-    /// Paints every texel from its place: (0, 0) top left, (1, 1) bottom right.
-    pub fn paint(width: u32, height: u32, color_at: impl Fn(DVec2) -> Color) -> Self {
-        let mut rgb = Vec::with_capacity(width as usize * height as usize * 3);
-        for row in 0..height {
-            for column in 0..width {
-                let place = DVec2::new(
-                    (f64::from(column) + 0.5) / f64::from(width),
-                    (f64::from(row) + 0.5) / f64::from(height),
-                );
-                // Steps of two levels halve the PNG and cannot be seen.
-                rgb.extend(
-                    color_at(place)
-                        .map(|channel| ((channel / 2.0).round() * 2.0).clamp(0.0, 255.0) as u8),
-                );
-            }
-        }
-        Self { width, height, rgb }
-    }
+/// Paints every texel from its place: (0, 0) top left, (1, 1) bottom right.
+fn paint(width: u32, height: u32, color_at: impl Fn(DVec2) -> Color) -> RgbImage {
+    let size = DVec2::new(f64::from(width), f64::from(height));
+    RgbImage::from_fn(width, height, |column, row| {
+        let place = (DVec2::new(f64::from(column), f64::from(row)) + 0.5) / size;
+        // Steps of two levels halve the PNG and cannot be seen.
+        let level = |channel: f64| ((channel / 2.0).round() * 2.0).clamp(0.0, 255.0) as u8;
+        Rgb(color_at(place).map(level))
+    })
 }
 
 /// A floor tile pattern of 2x2 slabs with grout: warm white and dark green marble in turn. Repeats without a seam.
-pub fn marble_floor(size: u32) -> Picture {
-    Picture::paint(size, size, |place| {
+pub fn marble_floor(size: u32) -> RgbImage {
+    paint(size, size, |place| {
         let slab = place * 2.0;
         let (column, row) = (slab.x.floor(), slab.y.floor());
         let local = slab - DVec2::new(column, row);
@@ -65,8 +49,8 @@ pub fn marble_floor(size: u32) -> Picture {
 }
 
 /// An abstract of coloured bands under a low sun.
-pub fn painting_dusk(width: u32, height: u32) -> Picture {
-    Picture::paint(width, height, |place| {
+pub fn painting_dusk(width: u32, height: u32) -> RgbImage {
+    paint(width, height, |place| {
         let stroke = fractal(DVec2::new(place.x * 3.0, place.y * 26.0), 4) - 0.5;
         let y = place.y + 0.07 * stroke + 0.05 * (fractal(DVec2::new(place.x * 5.0, 7.0), 3) - 0.5);
         let sky = mix(
@@ -93,7 +77,7 @@ pub fn painting_dusk(width: u32, height: u32) -> Picture {
 }
 
 /// Circles and squares after the constructivists.
-pub fn painting_circles(width: u32, height: u32) -> Picture {
+pub fn painting_circles(width: u32, height: u32) -> RgbImage {
     let discs: [(DVec2, f64, Color); 6] = [
         (DVec2::new(0.36, 0.40), 0.27, [196.0, 46.0, 40.0]),
         (DVec2::new(0.62, 0.58), 0.20, [22.0, 66.0, 128.0]),
@@ -102,7 +86,7 @@ pub fn painting_circles(width: u32, height: u32) -> Picture {
         (DVec2::new(0.40, 0.36), 0.10, [240.0, 226.0, 196.0]),
         (DVec2::new(0.62, 0.60), 0.06, [240.0, 150.0, 60.0]),
     ];
-    Picture::paint(width, height, |place| {
+    paint(width, height, |place| {
         let grain = fractal(place * 24.0, 3) - 0.5;
         let mut color = mix(
             [236.0, 226.0, 204.0],
@@ -120,8 +104,8 @@ pub fn painting_circles(width: u32, height: u32) -> Picture {
 }
 
 /// Green hills in mist.
-pub fn painting_hills(width: u32, height: u32) -> Picture {
-    Picture::paint(width, height, |place| {
+pub fn painting_hills(width: u32, height: u32) -> RgbImage {
+    paint(width, height, |place| {
         let mut color = mix(
             [150.0, 186.0, 206.0],
             [242.0, 226.0, 196.0],
@@ -149,8 +133,8 @@ pub fn painting_hills(width: u32, height: u32) -> Picture {
 }
 
 /// A carpet: dark red field with a lattice of rosettes, bands at the long sides. u runs across, v along and repeats.
-pub fn carpet(size: u32) -> Picture {
-    Picture::paint(size, size, |place| {
+pub fn carpet(size: u32) -> RgbImage {
+    paint(size, size, |place| {
         let weave = 0.9
             + 0.1
                 * hash(DVec2::new(

@@ -47,12 +47,12 @@ pub fn write() -> Result<Vec<u8>, SceneError> {
         ),
     ];
     for (name, part) in still {
-        let mesh = glb.mesh(name, &[part])?;
+        let mesh = glb.mesh(name, &[part]);
         glb.node(name, DAffine3::IDENTITY, Payload::Mesh(mesh));
     }
     let rigid = |glb: &mut GlbWriter, name: &str, half: f64, material: u32, at: DVec3| {
         let shape = Shape::beveled_box(DVec3::splat(-half), DVec3::splat(half), 0.1 * half);
-        let mesh = glb.mesh(name, &[shape.plain_part(material)])?;
+        let mesh = glb.mesh(name, &[shape.plain_part(material)]);
         Ok(glb.node(name, DAffine3::from_translation(at), Payload::Mesh(mesh)))
     };
     let box_node = rigid(&mut glb, "box", 0.18, red, box_at(0))?;
@@ -102,8 +102,8 @@ pub fn write() -> Result<Vec<u8>, SceneError> {
         },
     ];
     channels.extend(bend(LENGTH_S));
-    glb.animation("parade", &channels)?;
-    glb.animation("wave", &bend(0.5 * LENGTH_S))?;
+    glb.animation("parade", &channels);
+    glb.animation("wave", &bend(0.5 * LENGTH_S));
     glb.finish("parade")
 }
 
@@ -180,14 +180,14 @@ fn add_tube(glb: &mut GlbWriter, material: u32) -> Result<Vec<u32>, SceneError> 
         joints,
         ..shape.plain_part(material)
     };
-    let mesh = glb.mesh("tube", &[part])?;
+    let mesh = glb.mesh("tube", &[part]);
     // The node's own place does not count: the joints stand where the tube does.
     let node = glb.node("tube", DAffine3::IDENTITY, Payload::Mesh(mesh));
     let foot = DVec3::new(-0.45, 0.0, -0.6);
     let mut nodes = Vec::new();
     for joint in 0..JOINTS {
         let at = if joint == 0 { foot } else { DVec3::Y * gap };
-        nodes.push(glb.bare_node(
+        nodes.push(glb.node(
             &format!("joint {joint}"),
             DAffine3::from_translation(at),
             None,
@@ -226,7 +226,7 @@ fn add_ball(glb: &mut GlbWriter, material: u32) -> Result<u32, SceneError> {
         targets: vec![MorphTarget { positions, normals }],
         ..ball.plain_part(material)
     };
-    let mesh = glb.mesh("ball", &[part])?;
+    let mesh = glb.mesh("ball", &[part]);
     let at = DAffine3::from_translation(DVec3::new(0.55, 0.45, -0.7));
     Ok(glb.node("ball", at, Payload::Mesh(mesh)))
 }

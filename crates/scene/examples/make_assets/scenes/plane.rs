@@ -45,7 +45,7 @@ pub fn write() -> Result<Vec<u8>, SceneError> {
         DVec3::X * 2.0 * HALF_EDGE_M,
         DVec3::Y * 2.0 * HALF_EDGE_M,
     );
-    let mesh = glb.mesh("plane", &[plane.plain_part(material)])?;
+    let mesh = glb.mesh("plane", &[plane.plain_part(material)]);
     glb.node("plane", DAffine3::IDENTITY, Payload::Mesh(mesh));
     let light = glb.light(&PunctualLight {
         name: "lamp".to_owned(),

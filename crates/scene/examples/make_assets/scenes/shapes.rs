@@ -19,7 +19,8 @@ pub struct Shape {
 impl Shape {
     /// Two triangles over a corner and two edges; the front looks along `edge_u x edge_v`. uv runs from (0, 1) at the
     /// corner to (1, 0) opposite, so that a picture stands upright with `edge_u` to the right and `edge_v` up.
-    pub fn quad(corner: DVec3, edge_u: DVec3, edge_v: DVec3) -> Self {
+    pub fn quad(corner: impl Into<DVec3>, edge_u: DVec3, edge_v: DVec3) -> Self {
+        let corner = corner.into();
         let normal = edge_u.cross(edge_v).normalize_or(DVec3::Y);
         Self {
             positions: vec![
@@ -57,8 +58,9 @@ impl Shape {
         }
     }
 
-    /// An axis-aligned box with edges cut at 45 degrees, `bevel` wide (0 for sharp edges). uv in metres, side by side.
-    pub fn beveled_box(min: DVec3, max: DVec3, bevel: f64) -> Self {
+    /// An axis-aligned box with edges cut at 45 degrees, `bevel` wide (0 for sharp edges).
+    pub fn beveled_box(min: impl Into<DVec3>, max: impl Into<DVec3>, bevel: f64) -> Self {
+        let (min, max) = (min.into(), max.into());
         let mut shape = Self::default();
         let (center, half) = ((min + max) / 2.0, (max - min) / 2.0);
         let inner = half - DVec3::splat(bevel);
@@ -70,12 +72,8 @@ impl Shape {
                     axes[u_axis] * sign * inner[u_axis],
                     axes[v_axis] * inner[v_axis],
                 );
-                let mut face = Self::quad(center + normal * half[axis] - u - v, 2.0 * u, 2.0 * v);
-                let (width, height) = (2.0 * inner[u_axis], 2.0 * inner[v_axis]);
-                face.uvs
-                    .iter_mut()
-                    .for_each(|uv| *uv *= DVec2::new(width, height));
-                shape.append(face);
+                let corner = center + normal * half[axis] - u - v;
+                shape.append(Self::quad(corner, 2.0 * u, 2.0 * v));
                 if bevel > 0.0 {
                     // The bevels along +u and -u of this face's next axis: each of the twelve edges once.
                     for side in [-1.0, 1.0] {
@@ -83,13 +81,10 @@ impl Shape {
                         let near = center + normal * half[axis] + along * inner[u_axis];
                         let far = center + normal * inner[axis] + along * half[u_axis];
                         let w = axes[v_axis] * inner[v_axis];
-                        shape.append(
-                            Self::quadrangle_facing(
-                                [near - w, near + w, far + w, far - w],
-                                near + far - center + (normal + along) * 100.0,
-                            )
-                            .with_flat_uvs(),
-                        );
+                        shape.append(Self::quadrangle_facing(
+                            [near - w, near + w, far + w, far - w],
+                            near + far - center + (normal + along) * 100.0,
+                        ));
                     }
                 }
             }
@@ -110,7 +105,6 @@ impl Shape {
                 let base = shape.positions.len() as u32;
                 shape.positions.extend(points);
                 shape.normals.extend([s.normalize(); 3]);
-                shape.uvs.extend([DVec2::ZERO; 3]);
                 shape.triangles.push(if is_outward {
                     [base, base + 1, base + 2]
                 } else {
@@ -138,7 +132,6 @@ impl Shape {
                 shape
                     .normals
                     .push(along_u.cross(along_v).normalize_or(DVec3::Y));
-                shape.uvs.push(DVec2::new(u, 1.0 - v));
             }
         }
         for row in 0..rows {
@@ -191,10 +184,6 @@ impl Shape {
                     shape
                         .normals
                         .push(around.cross(upward).normalize_or(DVec3::Y));
-                    shape.uvs.push(DVec2::new(
-                        f64::from(segment) / f64::from(segments),
-                        -point.y,
-                    ));
                 }
             }
             for segment in 0..segments {
@@ -289,12 +278,7 @@ impl Shape {
             segments,
         } = *panel;
         let flat = |x0: f64, x1: f64, y0: f64, y1: f64| {
-            Self::quad(
-                DVec3::new(x0, y0, 0.0),
-                DVec3::X * (x1 - x0),
-                DVec3::Y * (y1 - y0),
-            )
-            .with_flat_uvs()
+            Self::quad([x0, y0, 0.0], DVec3::X * (x1 - x0), DVec3::Y * (y1 - y0))
         };
         let mut shape = Self::default();
         let bottom = sill.unwrap_or(spring);
@@ -320,7 +304,6 @@ impl Shape {
             ] {
                 shape.positions.push(DVec3::new(x, y, 0.0));
                 shape.normals.push(DVec3::Z);
-                shape.uvs.push(DVec2::new(x, -y));
             }
             shape
                 .triangles
@@ -332,14 +315,9 @@ impl Shape {
         for at in 0..=segments {
             let point = rim(at);
             let inward = (DVec2::new(0.0, spring) - point) / r;
-            let front = DVec3::new(point.x, point.y, 0.0);
-            for (position, v) in [(front, 0.0), (front + back, depth)] {
-                soffit.positions.push(position);
-                soffit.normals.push(DVec3::new(inward.x, inward.y, 0.0));
-                soffit
-                    .uvs
-                    .push(DVec2::new(f64::from(at) / f64::from(segments) * PI * r, v));
-            }
+            let front = point.extend(0.0);
+            soffit.positions.extend([front, front + back]);
+            soffit.normals.extend([inward.extend(0.0); 2]);
         }
         for at in 0..segments {
             let a = 2 * at;
@@ -350,12 +328,10 @@ impl Shape {
         shape.append(soffit);
         if let Some(sill) = sill {
             let rise = DVec3::Y * (spring - sill);
-            shape.append(Self::quad(DVec3::new(-r, sill, 0.0), back, rise).with_flat_uvs());
-            shape.append(Self::quad(DVec3::new(r, sill, 0.0) + back, -back, rise).with_flat_uvs());
+            shape.append(Self::quad([-r, sill, 0.0], back, rise));
+            shape.append(Self::quad(DVec3::new(r, sill, 0.0) + back, -back, rise));
             if sill > 0.0 {
-                shape.append(
-                    Self::quad(DVec3::new(-r, sill, 0.0), DVec3::X * 2.0 * r, back).with_flat_uvs(),
-                );
+                shape.append(Self::quad([-r, sill, 0.0], DVec3::X * 2.0 * r, back));
             }
         }
         shape
@@ -395,26 +371,6 @@ impl Shape {
         self.normals
             .iter_mut()
             .for_each(|normal| *normal = -*normal);
-        self
-    }
-
-    /// Gives every vertex the coordinates of its place in the plane that its normal is closest to, in metres.
-    pub fn with_flat_uvs(mut self) -> Self {
-        self.uvs = self
-            .positions
-            .iter()
-            .zip(&self.normals)
-            .map(|(p, normal)| {
-                let n = normal.abs();
-                if n.x >= n.y && n.x >= n.z {
-                    DVec2::new(p.z, -p.y)
-                } else if n.y >= n.z {
-                    DVec2::new(p.x, p.z)
-                } else {
-                    DVec2::new(p.x, -p.y)
-                }
-            })
-            .collect();
         self
     }
 
@@ -501,7 +457,7 @@ mod tests {
 
     #[test]
     fn beveled_box_is_closed_and_faces_outward() {
-        let shape = Shape::beveled_box(DVec3::new(1.0, 2.0, 3.0), DVec3::new(3.0, 5.0, 7.0), 0.0);
+        let shape = Shape::beveled_box([1.0, 2.0, 3.0], [3.0, 5.0, 7.0], 0.0);
         assert!((volume(&shape) - 24.0).abs() < 1e-9);
         let bevel = 0.25;
         let shape = Shape::beveled_box(DVec3::splat(-1.0), DVec3::splat(1.0), bevel);

@@ -34,7 +34,7 @@ pub fn write() -> Result<Vec<u8>, SceneError> {
     let area = 4.0 * std::f64::consts::PI * RADIUS_M * RADIUS_M;
     let inscribed = Shape::icosphere(RADIUS_M, LEVELS).area_m2();
     let wall = Shape::icosphere(RADIUS_M * (area / inscribed).sqrt(), LEVELS).inside_out();
-    let mesh = glb.mesh("wall", &[wall.plain_part(material)])?;
+    let mesh = glb.mesh("wall", &[wall.plain_part(material)]);
     glb.node("wall", DAffine3::IDENTITY, Payload::Mesh(mesh));
     let light = glb.light(&PunctualLight {
         name: "lamp".to_owned(),

@@ -3,14 +3,14 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DAffine3, DQuat, DVec2, DVec3};
-use stereolux_scene::{LightKind, PunctualLight, SceneError};
+use stereolux_scene::{LightKind, PunctualLight};
 
 use super::super::glb_writer::{GlbWriter, Payload};
 use super::super::shapes::{ArchedPanel, Shape};
 use super::{BAY_Z, HALF_LENGTH, HALF_WIDTH, HEIGHT, Palette, place, place_parts};
 
 /// Three paintings in gilt frames on the right wall.
-pub(super) fn paintings(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
+pub(super) fn paintings(glb: &mut GlbWriter, palette: &Palette) {
     for ((z, (width, height)), (material, name)) in BAY_Z
         .into_iter()
         .zip([(1.7, 1.275), (1.7, 1.275), (1.4, 1.4)])
@@ -22,7 +22,7 @@ pub(super) fn paintings(glb: &mut GlbWriter, palette: &Palette) -> Result<(), Sc
         )
     {
         let canvas = Shape::quad(
-            DVec3::new(-width / 2.0, -height / 2.0, 0.03),
+            [-width / 2.0, -height / 2.0, 0.03],
             DVec3::X * width,
             DVec3::Y * height,
         );
@@ -32,11 +32,10 @@ pub(super) fn paintings(glb: &mut GlbWriter, palette: &Palette) -> Result<(), Sc
                 canvas.part(material),
                 frame(width, height).plain_part(palette.gilt),
             ],
-        )?;
+        );
         // The front looks along -X, into the hall.
-        place(glb, name, mesh, DVec3::new(HALF_WIDTH, 1.75, z), -FRAC_PI_2);
+        place(glb, name, mesh, [HALF_WIDTH, 1.75, z], -FRAC_PI_2);
     }
-    Ok(())
 }
 
 /// A mitred frame around a canvas in the plane z = 0: a moulding of five slopes, swept along the four sides.
@@ -70,16 +69,17 @@ fn frame(width: f64, height: f64) -> Shape {
             let center = corners.iter().sum::<DVec3>() / 4.0;
             // Away from the middle of the moulding's own cross-section.
             let core = (corner(side, 0.055) + corner(side + 1, 0.055)) / 2.0;
-            frame.append(
-                Shape::quadrangle_facing(corners, 2.0 * center - core.extend(0.02)).with_flat_uvs(),
-            );
+            frame.append(Shape::quadrangle_facing(
+                corners,
+                2.0 * center - core.extend(0.02),
+            ));
         }
     }
     frame
 }
 
 /// The far wall, blue, with a niche for the great vase and curtains on either side.
-pub(super) fn end_wall(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
+pub(super) fn end_wall(glb: &mut GlbWriter, palette: &Palette) {
     let panel = ArchedPanel {
         half_width: HALF_WIDTH,
         height: HEIGHT,
@@ -109,7 +109,7 @@ pub(super) fn end_wall(glb: &mut GlbWriter, palette: &Palette) -> Result<(), Sce
             niche.plain_part(palette.plaster),
             step.plain_part(palette.stone),
         ],
-    )?;
+    );
     // A gilt band around the niche.
     let band = Shape::parametric(32, 8, |u, v| {
         let (angle, around) = (PI * (1.0 - u), PI * v);
@@ -129,7 +129,7 @@ pub(super) fn end_wall(glb: &mut GlbWriter, palette: &Palette) -> Result<(), Sce
             0.02,
         ));
     }
-    place_parts(glb, "niche band", &[trim.plain_part(palette.gilt)])?;
+    place_parts(glb, "niche band", &[trim.plain_part(palette.gilt)]);
 
     // Curtains: folds that gather towards the top, hung from a rod.
     let curtain = Shape::parametric(72, 10, |u, v| {
@@ -138,7 +138,7 @@ pub(super) fn end_wall(glb: &mut GlbWriter, palette: &Palette) -> Result<(), Sce
         let flare = 1.0 + 0.10 * (1.0 - v) * (1.0 - v);
         DVec3::new((u - 0.5) * 0.95 * flare, 0.03 + 3.17 * v, depth * fold)
     });
-    let curtain = glb.mesh("curtain", &[curtain.plain_part(palette.velvet)])?;
+    let curtain = glb.mesh("curtain", &[curtain.plain_part(palette.velvet)]);
     let rod_profile = [
         DVec2::new(0.0, -0.7),
         DVec2::new(0.035, -0.68),
@@ -150,64 +150,52 @@ pub(super) fn end_wall(glb: &mut GlbWriter, palette: &Palette) -> Result<(), Sce
     let rod = glb.mesh(
         "rod",
         &[Shape::lathe(&rod_profile, 16, |_| 1.0).plain_part(palette.gilt)],
-    )?;
+    );
     for side in [-1.0, 1.0] {
         let x = side * 1.62;
-        place(
-            glb,
-            "curtain",
-            curtain,
-            DVec3::new(x, 0.0, -HALF_LENGTH + 0.2),
-            0.0,
-        );
+        place(glb, "curtain", curtain, [x, 0.0, -HALF_LENGTH + 0.2], 0.0);
         let pose = DAffine3::from_rotation_translation(
             DQuat::from_rotation_z(FRAC_PI_2),
             DVec3::new(x, 3.23, -HALF_LENGTH + 0.2),
         );
         glb.node("rod", pose, Payload::Mesh(rod));
     }
-    Ok(())
 }
 
 /// Plinths with the spheres, the vase in the niche, benches and the carpet.
-pub(super) fn exhibits(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
-    spheres(glb, palette)?;
-    vase(glb, palette)?;
-    benches(glb, palette)?;
+pub(super) fn exhibits(glb: &mut GlbWriter, palette: &Palette) {
+    spheres(glb, palette);
+    vase(glb, palette);
+    benches(glb, palette);
     carpet(glb, palette)
 }
 
-fn spheres(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
-    let mut plinth = Shape::beveled_box(
-        DVec3::new(-0.34, 0.0, -0.34),
-        DVec3::new(0.34, 0.12, 0.34),
-        0.02,
-    );
+fn spheres(glb: &mut GlbWriter, palette: &Palette) {
+    let mut plinth = Shape::beveled_box([-0.34, 0.0, -0.34], [0.34, 0.12, 0.34], 0.02);
     plinth.append(Shape::beveled_box(
-        DVec3::new(-0.28, 0.12, -0.28),
-        DVec3::new(0.28, 0.86, 0.28),
+        [-0.28, 0.12, -0.28],
+        [0.28, 0.86, 0.28],
         0.015,
     ));
     plinth.append(Shape::beveled_box(
-        DVec3::new(-0.33, 0.86, -0.33),
-        DVec3::new(0.33, 0.94, 0.33),
+        [-0.33, 0.86, -0.33],
+        [0.33, 0.94, 0.33],
         0.02,
     ));
-    let plinth = glb.mesh("plinth", &[plinth.plain_part(palette.trim)])?;
+    let plinth = glb.mesh("plinth", &[plinth.plain_part(palette.trim)]);
     let radius = 0.3;
     for (name, material, x, z) in [
         ("mirror sphere", palette.mirror, -1.05, 0.1),
         ("glass sphere", palette.glass, 1.05, 0.9),
     ] {
-        place(glb, "plinth", plinth, DVec3::new(x, 0.0, z), 0.0);
-        let sphere = glb.mesh(name, &[Shape::icosphere(radius, 4).plain_part(material)])?;
+        place(glb, "plinth", plinth, [x, 0.0, z], 0.0);
+        let sphere = glb.mesh(name, &[Shape::icosphere(radius, 4).plain_part(material)]);
         // A hair above the plinth: touching surfaces would leave light between them.
-        place(glb, name, sphere, DVec3::new(x, 0.945 + radius, z), 0.0);
+        place(glb, name, sphere, [x, 0.945 + radius, z], 0.0);
     }
-    Ok(())
 }
 
-fn vase(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
+fn vase(glb: &mut GlbWriter, palette: &Palette) {
     let vase: Vec<DVec2> = [
         (0.0, 0.0),
         (0.20, 0.0),
@@ -234,7 +222,7 @@ fn vase(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
     let vase = glb.mesh(
         "vase",
         &[Shape::lathe(&vase, 48, |_| 1.0).plain_part(palette.clay)],
-    )?;
+    );
     let drum = Shape::lathe(
         &[
             DVec2::new(0.42, 0.0),
@@ -248,51 +236,41 @@ fn vase(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
         48,
         |_| 1.0,
     );
-    let drum = glb.mesh("drum", &[drum.plain_part(palette.stone)])?;
-    place(glb, "drum", drum, DVec3::new(0.0, 0.0, -5.75), 0.0);
-    place(glb, "vase", vase, DVec3::new(0.0, 0.742, -5.75), 0.0);
-    Ok(())
+    let drum = glb.mesh("drum", &[drum.plain_part(palette.stone)]);
+    place(glb, "drum", drum, [0.0, 0.0, -5.75], 0.0);
+    place(glb, "vase", vase, [0.0, 0.742, -5.75], 0.0);
 }
 
-fn benches(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
-    let mut bench = Shape::beveled_box(
-        DVec3::new(-0.22, 0.40, -0.8),
-        DVec3::new(0.22, 0.46, 0.8),
-        0.02,
-    );
+fn benches(glb: &mut GlbWriter, palette: &Palette) {
+    let mut bench = Shape::beveled_box([-0.22, 0.40, -0.8], [0.22, 0.46, 0.8], 0.02);
     for (x, z) in [(-0.16, -0.68), (0.16, -0.68), (-0.16, 0.68), (0.16, 0.68)] {
         bench.append(Shape::beveled_box(
-            DVec3::new(x - 0.035, 0.0, z - 0.035),
-            DVec3::new(x + 0.035, 0.401, z + 0.035),
+            [x - 0.035, 0.0, z - 0.035],
+            [x + 0.035, 0.401, z + 0.035],
             0.008,
         ));
     }
     bench.append(Shape::beveled_box(
-        DVec3::new(-0.15, 0.30, -0.66),
-        DVec3::new(0.15, 0.36, 0.66),
+        [-0.15, 0.30, -0.66],
+        [0.15, 0.36, 0.66],
         0.01,
     ));
-    let cushion = Shape::beveled_box(
-        DVec3::new(-0.2, 0.461, -0.76),
-        DVec3::new(0.2, 0.53, 0.76),
-        0.03,
-    );
+    let cushion = Shape::beveled_box([-0.2, 0.461, -0.76], [0.2, 0.53, 0.76], 0.03);
     let bench = glb.mesh(
         "bench",
         &[
             bench.plain_part(palette.wood),
             cushion.plain_part(palette.velvet),
         ],
-    )?;
-    place(glb, "bench", bench, DVec3::new(3.2, 0.0, 0.0), 0.0);
-    place(glb, "bench", bench, DVec3::new(-3.2, 0.0, -3.0), 0.0);
-    Ok(())
+    );
+    place(glb, "bench", bench, [3.2, 0.0, 0.0], 0.0);
+    place(glb, "bench", bench, [-3.2, 0.0, -3.0], 0.0);
 }
 
-fn carpet(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
+fn carpet(glb: &mut GlbWriter, palette: &Palette) {
     let (half_x, half_z, thickness) = (0.62, 4.9, 0.012);
     let mut top = Shape::quad(
-        DVec3::new(-half_x, thickness, half_z),
+        [-half_x, thickness, half_z],
         DVec3::X * 2.0 * half_x,
         DVec3::Z * -2.0 * half_z,
     );

@@ -10,10 +10,11 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DAffine3, DQuat, DVec2, DVec3};
-use stereolux_scene::{Filter, Material, SceneError, TextureRef, Wrap};
+use image::RgbImage;
+use stereolux_scene::{Material, SceneError, TextureRef, Wrap};
 
 use super::glb_writer::{GlbWriter, Part, Payload};
-use super::paint::{self, Picture};
+use super::paint;
 use super::shapes::{ArchedPanel, Shape};
 
 mod furnishings;
@@ -65,12 +66,12 @@ struct Palette {
 pub fn write() -> Result<Vec<u8>, SceneError> {
     let mut glb = GlbWriter::new();
     let palette = palette(&mut glb)?;
-    hall(&mut glb, &palette)?;
-    arcades(&mut glb, &palette)?;
-    windows(&mut glb, &palette)?;
-    furnishings::paintings(&mut glb, &palette)?;
-    furnishings::end_wall(&mut glb, &palette)?;
-    furnishings::exhibits(&mut glb, &palette)?;
+    hall(&mut glb, &palette);
+    arcades(&mut glb, &palette);
+    windows(&mut glb, &palette);
+    furnishings::paintings(&mut glb, &palette);
+    furnishings::end_wall(&mut glb, &palette);
+    furnishings::exhibits(&mut glb, &palette);
     furnishings::lights(&mut glb);
     let camera = glb.camera("visitor", 1.2);
     let look = DQuat::from_rotation_y(0.07);
@@ -83,22 +84,14 @@ pub fn write() -> Result<Vec<u8>, SceneError> {
 }
 
 fn palette(glb: &mut GlbWriter) -> Result<Palette, SceneError> {
-    let mut texture =
-        |name: &str, picture: Picture, wrap: Wrap| -> Result<Option<TextureRef>, SceneError> {
-            let texture = glb.texture(
-                name,
-                picture.width,
-                picture.height,
-                &picture.rgb,
-                wrap,
-                Filter::Linear,
-            )?;
-            Ok(Some(TextureRef {
-                texture,
-                uv_set: 0,
-                texcoord_from_uv: TextureRef::IDENTITY,
-            }))
-        };
+    let mut texture = |name: &str, picture: RgbImage, wrap: Wrap| {
+        let texture = glb.texture(name, &picture, wrap)?;
+        Ok::<_, SceneError>(Some(TextureRef {
+            texture,
+            uv_set: 0,
+            texcoord_from_uv: TextureRef::IDENTITY,
+        }))
+    };
     let floor = texture("marble floor", paint::marble_floor(512), Wrap::Repeat)?;
     let carpet = texture("carpet", paint::carpet(256), Wrap::Repeat)?;
     let pictures = [
@@ -162,56 +155,43 @@ fn palette(glb: &mut GlbWriter) -> Result<Palette, SceneError> {
     })
 }
 
-fn place(glb: &mut GlbWriter, name: &str, mesh: u32, position: DVec3, yaw_rad: f64) {
+fn place(glb: &mut GlbWriter, name: &str, mesh: u32, at: impl Into<DVec3>, yaw_rad: f64) {
     glb.node(
         name,
-        DAffine3::from_rotation_translation(DQuat::from_rotation_y(yaw_rad), position),
+        DAffine3::from_rotation_translation(DQuat::from_rotation_y(yaw_rad), at.into()),
         Payload::Mesh(mesh),
     );
 }
 
-fn place_parts(glb: &mut GlbWriter, name: &str, parts: &[Part]) -> Result<(), SceneError> {
-    let mesh = glb.mesh(name, parts)?;
+fn place_parts(glb: &mut GlbWriter, name: &str, parts: &[Part]) {
+    let mesh = glb.mesh(name, parts);
     glb.node(name, DAffine3::IDENTITY, Payload::Mesh(mesh));
-    Ok(())
 }
 
 /// Floor, ceiling with beams and skylight shafts, the right wall and the wall behind the viewer.
-fn hall(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
+fn hall(glb: &mut GlbWriter, palette: &Palette) {
     let (w, l) = (HALF_WIDTH, HALF_LENGTH);
-    let mut floor = Shape::quad(
-        DVec3::new(-w, 0.0, l),
-        DVec3::X * 2.0 * w,
-        DVec3::Z * -2.0 * l,
-    );
+    let mut floor = Shape::quad([-w, 0.0, l], DVec3::X * 2.0 * w, DVec3::Z * -2.0 * l);
     // One picture covers 2x2 slabs of half a metre.
     floor.uvs = floor
         .positions
         .iter()
         .map(|p| DVec2::new(p.x, p.z))
         .collect();
-    place_parts(glb, "floor", &[floor.part(palette.floor)])?;
+    place_parts(glb, "floor", &[floor.part(palette.floor)]);
 
-    let mut walls = Shape::quad(
-        DVec3::new(w, 0.0, -l),
-        DVec3::Z * 2.0 * l,
-        DVec3::Y * HEIGHT,
-    );
+    let mut walls = Shape::quad([w, 0.0, -l], DVec3::Z * 2.0 * l, DVec3::Y * HEIGHT);
     walls.append(Shape::quad(
-        DVec3::new(w, 0.0, l),
+        [w, 0.0, l],
         DVec3::X * -2.0 * w,
         DVec3::Y * HEIGHT,
     ));
-    place_parts(glb, "walls", &[walls.plain_part(palette.plaster)])?;
+    place_parts(glb, "walls", &[walls.plain_part(palette.plaster)]);
 
     // The ceiling is laid around three openings, one per bay.
     let (half_x, half_z, shaft) = (0.75, 1.0, 0.3);
     let down = |x0: f64, x1: f64, z0: f64, z1: f64, y: f64| {
-        Shape::quad(
-            DVec3::new(x0, y, z0),
-            DVec3::X * (x1 - x0),
-            DVec3::Z * (z1 - z0),
-        )
+        Shape::quad([x0, y, z0], DVec3::X * (x1 - x0), DVec3::Z * (z1 - z0))
     };
     let mut ceiling = down(-w, -half_x, -l, l, HEIGHT);
     ceiling.append(down(half_x, w, -l, l, HEIGHT));
@@ -223,87 +203,64 @@ fn hall(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
         let (near, far) = (z + half_z, z - half_z);
         let rise = DVec3::Y * shaft;
         ceiling.append(Shape::quad(
-            DVec3::new(-half_x, HEIGHT, near),
+            [-half_x, HEIGHT, near],
             DVec3::Z * (far - near),
             rise,
         ));
         ceiling.append(Shape::quad(
-            DVec3::new(half_x, HEIGHT, far),
+            [half_x, HEIGHT, far],
             DVec3::Z * (near - far),
             rise,
         ));
         ceiling.append(Shape::quad(
-            DVec3::new(-half_x, HEIGHT, far),
+            [-half_x, HEIGHT, far],
             DVec3::X * 2.0 * half_x,
             rise,
         ));
         ceiling.append(Shape::quad(
-            DVec3::new(half_x, HEIGHT, near),
+            [half_x, HEIGHT, near],
             DVec3::X * -2.0 * half_x,
             rise,
         ));
         lights.append(down(-half_x, half_x, far, near, HEIGHT + shaft));
     }
     ceiling.append(down(-half_x, half_x, from, l, HEIGHT));
-    place_parts(glb, "ceiling", &[ceiling.plain_part(palette.ceiling)])?;
-    place_parts(glb, "skylights", &[lights.plain_part(palette.sky_light)])?;
+    place_parts(glb, "ceiling", &[ceiling.plain_part(palette.ceiling)]);
+    place_parts(glb, "skylights", &[lights.plain_part(palette.sky_light)]);
 
     // Beams across the nave at every pair of columns, and glazing bars under the skylights.
     let beam = Shape::beveled_box(
-        DVec3::new(-COLUMN_X, HEIGHT - 0.3, -0.14),
-        DVec3::new(COLUMN_X, HEIGHT, 0.14),
+        [-COLUMN_X, HEIGHT - 0.3, -0.14],
+        [COLUMN_X, HEIGHT, 0.14],
         0.03,
     );
-    let beam = glb.mesh("beam", &[beam.plain_part(palette.trim)])?;
+    let beam = glb.mesh("beam", &[beam.plain_part(palette.trim)]);
     for z in COLUMN_Z {
-        place(glb, "beam", beam, DVec3::new(0.0, 0.0, z), 0.0);
+        place(glb, "beam", beam, [0.0, 0.0, z], 0.0);
     }
-    let mut bars = Shape::beveled_box(
-        DVec3::new(-0.02, 0.0, -half_z),
-        DVec3::new(0.02, 0.05, half_z),
-        0.006,
-    );
+    let mut bars = Shape::beveled_box([-0.02, 0.0, -half_z], [0.02, 0.05, half_z], 0.006);
     for z in [-half_z / 3.0, half_z / 3.0] {
         bars.append(Shape::beveled_box(
-            DVec3::new(-half_x, 0.0, z - 0.02),
-            DVec3::new(half_x, 0.05, z + 0.02),
+            [-half_x, 0.0, z - 0.02],
+            [half_x, 0.05, z + 0.02],
             0.006,
         ));
     }
-    let bars = glb.mesh("skylight bars", &[bars.plain_part(palette.bronze)])?;
+    let bars = glb.mesh("skylight bars", &[bars.plain_part(palette.bronze)]);
     for z in BAY_Z {
-        place(
-            glb,
-            "skylight bars",
-            bars,
-            DVec3::new(0.0, HEIGHT + 0.16, z),
-            0.0,
-        );
+        place(glb, "skylight bars", bars, [0.0, HEIGHT + 0.16, z], 0.0);
     }
     // Skirting along the side walls.
-    let skirting = Shape::beveled_box(DVec3::new(-l, 0.0, -0.03), DVec3::new(l, 0.22, 0.03), 0.015);
-    let skirting = glb.mesh("skirting", &[skirting.plain_part(palette.trim)])?;
-    place(
-        glb,
-        "skirting left",
-        skirting,
-        DVec3::new(-w, 0.0, 0.0),
-        FRAC_PI_2,
-    );
-    place(
-        glb,
-        "skirting right",
-        skirting,
-        DVec3::new(w, 0.0, 0.0),
-        FRAC_PI_2,
-    );
-    Ok(())
+    let skirting = Shape::beveled_box([-l, 0.0, -0.03], [l, 0.22, 0.03], 0.015);
+    let skirting = glb.mesh("skirting", &[skirting.plain_part(palette.trim)]);
+    place(glb, "skirting left", skirting, [-w, 0.0, 0.0], FRAC_PI_2);
+    place(glb, "skirting right", skirting, [w, 0.0, 0.0], FRAC_PI_2);
 }
 
 /// Columns with base, fluted shaft and capital, the arches that they carry and the cornice above.
-fn arcades(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
+fn arcades(glb: &mut GlbWriter, palette: &Palette) {
     let column = column();
-    let column = glb.mesh("column", &[column.plain_part(palette.stone)])?;
+    let column = glb.mesh("column", &[column.plain_part(palette.stone)]);
     let half_depth = 0.17;
     let panel = ArchedPanel {
         half_width: 1.5,
@@ -337,75 +294,49 @@ fn arcades(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
     };
     arch.append(band(1.0));
     arch.append(band(-1.0));
-    arch.append(
-        Shape::beveled_box(
-            DVec3::new(-0.1, 1.18, -half_depth - 0.07),
-            DVec3::new(0.1, 1.5, half_depth + 0.07),
-            0.02,
-        )
-        .with_flat_uvs(),
-    );
-    let arch = glb.mesh("arch", &[arch.plain_part(palette.plaster)])?;
+    arch.append(Shape::beveled_box(
+        [-0.1, 1.18, -half_depth - 0.07],
+        [0.1, 1.5, half_depth + 0.07],
+        0.02,
+    ));
+    let arch = glb.mesh("arch", &[arch.plain_part(palette.plaster)]);
     let cornice = Shape::beveled_box(
-        DVec3::new(-HALF_LENGTH, -0.09, -0.26),
-        DVec3::new(HALF_LENGTH, 0.09, 0.26),
+        [-HALF_LENGTH, -0.09, -0.26],
+        [HALF_LENGTH, 0.09, 0.26],
         0.05,
     );
-    let cornice = glb.mesh("cornice", &[cornice.plain_part(palette.trim)])?;
+    let cornice = glb.mesh("cornice", &[cornice.plain_part(palette.trim)]);
     // The arcade ends in half bays against the end walls.
     let pier = Shape::beveled_box(
-        DVec3::new(-0.75, 0.0, -half_depth),
-        DVec3::new(0.75, HEIGHT - SPRING, half_depth),
+        [-0.75, 0.0, -half_depth],
+        [0.75, HEIGHT - SPRING, half_depth],
         0.0,
     );
-    let pier = glb.mesh("lintel", &[pier.plain_part(palette.plaster)])?;
+    let pier = glb.mesh("lintel", &[pier.plain_part(palette.plaster)]);
     for side in [-1.0, 1.0] {
         for z in COLUMN_Z {
-            place(
-                glb,
-                "column",
-                column,
-                DVec3::new(side * COLUMN_X, 0.0, z),
-                0.0,
-            );
+            place(glb, "column", column, [side * COLUMN_X, 0.0, z], 0.0);
         }
         for z in BAY_Z {
-            place(
-                glb,
-                "arch",
-                arch,
-                DVec3::new(side * COLUMN_X, SPRING, z),
-                FRAC_PI_2,
-            );
+            place(glb, "arch", arch, [side * COLUMN_X, SPRING, z], FRAC_PI_2);
         }
         for z in [-HALF_LENGTH + 0.75, HALF_LENGTH - 0.75] {
-            place(
-                glb,
-                "lintel",
-                pier,
-                DVec3::new(side * COLUMN_X, SPRING, z),
-                FRAC_PI_2,
-            );
+            place(glb, "lintel", pier, [side * COLUMN_X, SPRING, z], FRAC_PI_2);
         }
         place(
             glb,
             "cornice",
             cornice,
-            DVec3::new(side * COLUMN_X, HEIGHT - 0.09, 0.0),
+            [side * COLUMN_X, HEIGHT - 0.09, 0.0],
             FRAC_PI_2,
         );
     }
-    Ok(())
 }
 
 /// A column of the height of the springing line: square foot, two torus mouldings, a shaft with twenty flutes that
 /// swells a little (entasis), a round capital and a square top.
 fn column() -> Shape {
-    let mut column = Shape::beveled_box(
-        DVec3::new(-0.26, 0.0, -0.26),
-        DVec3::new(0.26, 0.12, 0.26),
-        0.015,
-    );
+    let mut column = Shape::beveled_box([-0.26, 0.0, -0.26], [0.26, 0.12, 0.26], 0.015);
     let arc = |center: DVec2, radius: f64, from: f64, to: f64, steps: u32| {
         (0..=steps).map(move |step| {
             let angle = from + (to - from) * f64::from(step) / f64::from(steps);
@@ -456,15 +387,15 @@ fn column() -> Shape {
     capital.push(DVec2::new(0.248, 2.2));
     column.append(Shape::lathe(&capital, 32, |_| 1.0));
     column.append(Shape::beveled_box(
-        DVec3::new(-0.26, 2.2, -0.26),
-        DVec3::new(0.26, SPRING, 0.26),
+        [-0.26, 2.2, -0.26],
+        [0.26, SPRING, 0.26],
         0.02,
     ));
     column
 }
 
 /// The left wall: three arched windows with glazing bars in front of a shining pane.
-fn windows(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
+fn windows(glb: &mut GlbWriter, palette: &Palette) {
     let panel = ArchedPanel {
         half_width: 1.5,
         height: HEIGHT,
@@ -477,7 +408,7 @@ fn windows(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
     // The panel's front looks along its +Z, which a quarter turn brings to +X.
     let r = WINDOW_HALF_WIDTH;
     let mut pane = Shape::quad(
-        DVec3::new(-r, WINDOW_SILL, -WALL_DEPTH),
+        [-r, WINDOW_SILL, -WALL_DEPTH],
         DVec3::X * 2.0 * r,
         DVec3::Y * (WINDOW_SPRING - WINDOW_SILL),
     );
@@ -495,14 +426,13 @@ fn windows(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
     };
     fan.positions.extend((0..=24).map(rim));
     fan.normals = vec![DVec3::Z; fan.positions.len()];
-    fan.uvs = vec![DVec2::ZERO; fan.positions.len()];
     fan.triangles = (1..=24).map(|at| [0, at, at + 1]).collect();
     pane.append(fan);
 
     let bar = |x0: f64, x1: f64, y0: f64, y1: f64| {
         Shape::beveled_box(
-            DVec3::new(x0, y0, -WALL_DEPTH + 0.05),
-            DVec3::new(x1, y1, -WALL_DEPTH + 0.10),
+            [x0, y0, -WALL_DEPTH + 0.05],
+            [x1, y1, -WALL_DEPTH + 0.10],
             0.008,
         )
     };
@@ -522,8 +452,8 @@ fn windows(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
         bars.append(spoke);
     }
     let sill = Shape::beveled_box(
-        DVec3::new(-r - 0.1, WINDOW_SILL - 0.08, -WALL_DEPTH),
-        DVec3::new(r + 0.1, WINDOW_SILL, 0.1),
+        [-r - 0.1, WINDOW_SILL - 0.08, -WALL_DEPTH],
+        [r + 0.1, WINDOW_SILL, 0.1],
         0.02,
     );
     let window = glb.mesh(
@@ -534,30 +464,13 @@ fn windows(glb: &mut GlbWriter, palette: &Palette) -> Result<(), SceneError> {
             bars.plain_part(palette.bronze),
             sill.plain_part(palette.trim),
         ],
-    )?;
-    for z in BAY_Z {
-        place(
-            glb,
-            "window",
-            window,
-            DVec3::new(-HALF_WIDTH, 0.0, z),
-            FRAC_PI_2,
-        );
-    }
-    let blank = Shape::quad(
-        DVec3::new(-0.75, 0.0, 0.0),
-        DVec3::X * 1.5,
-        DVec3::Y * HEIGHT,
     );
-    let blank = glb.mesh("blank wall", &[blank.plain_part(palette.plaster)])?;
-    for z in [-HALF_LENGTH + 0.75, HALF_LENGTH - 0.75] {
-        place(
-            glb,
-            "blank wall",
-            blank,
-            DVec3::new(-HALF_WIDTH, 0.0, z),
-            FRAC_PI_2,
-        );
+    for z in BAY_Z {
+        place(glb, "window", window, [-HALF_WIDTH, 0.0, z], FRAC_PI_2);
     }
-    Ok(())
+    let blank = Shape::quad([-0.75, 0.0, 0.0], DVec3::X * 1.5, DVec3::Y * HEIGHT);
+    let blank = glb.mesh("blank wall", &[blank.plain_part(palette.plaster)]);
+    for z in [-HALF_LENGTH + 0.75, HALF_LENGTH - 0.75] {
+        place(glb, "blank wall", blank, [-HALF_WIDTH, 0.0, z], FRAC_PI_2);
+    }
 }
