@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use serde_json::json;
 
 use super::super::SceneError;
-use super::glb::{BODY, Glb, LAMBERT, body, lambert};
+use super::glb::{Glb, body, lambert};
 use super::noise::fractal;
 use super::surface::Surface;
 
@@ -49,14 +49,13 @@ fn wood(at: DVec3) -> DVec3 {
 pub fn bottle() -> Result<Vec<u8>, SceneError> {
     let mut glb = Glb::default();
     let table = Surface::height_field(400, 1.6, |_| 0.0).colored(|at, _| wood(at));
-    glb.add("table", &table, lambert([1.0; 3]), LAMBERT);
+    glb.add("table", &table, lambert([1.0; 3]));
     let wall = Surface::rectangle(DVec3::new(-1.6, -0.4, -0.8), DVec3::X * 3.2, DVec3::Y * 2.0);
-    glb.add("wall", &wall, lambert([0.55, 0.56, 0.58]), LAMBERT);
+    glb.add("wall", &wall, lambert([0.55, 0.56, 0.58]));
     glb.add(
         "bottle",
         &glass(),
         body(1.52, 0.0, 0.02, [0.62, 0.86, 0.66]),
-        BODY,
     );
     let lemon = Surface::sphere(5).displaced(|p| {
         let tip = 1.0 + 0.22 * p.x.abs().powi(8);
@@ -70,32 +69,27 @@ pub fn bottle() -> Result<Vec<u8>, SceneError> {
     let turned =
         lemon.displaced(|p| glam::DQuat::from_rotation_y(0.7) * p + DVec3::new(0.105, 0.0, 0.05));
     let skin = json!({ "pbrMetallicRoughness": { "baseColorFactor": [0.82, 0.6, 0.06, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.45 } });
-    glb.add("lemon", &turned, skin, &[]);
+    glb.add("lemon", &turned, skin);
     // A small lamp in front on the left, that casts the caustic, and a wide one above.
     let lamp = |emission: f64| {
-        json!({
-            "pbrMetallicRoughness": { "baseColorFactor": [0.0, 0.0, 0.0, 1.0], "metallicFactor": 0.0 },
-            "emissiveFactor": [1.0, 0.93, 0.82],
-            "extensions": {
-                "KHR_materials_emissive_strength": { "emissiveStrength": emission },
-                "KHR_materials_specular": { "specularFactor": 0.0 },
-            },
-        })
+        let mut lamp = lambert([0.0; 3]);
+        lamp["emissiveFactor"] = json!([1.0, 0.93, 0.82]);
+        lamp["extensions"]["KHR_materials_emissive_strength"] =
+            json!({ "emissiveStrength": emission });
+        lamp
     };
     let small = Surface::rectangle(
         DVec3::new(-0.62, 0.5, 0.3),
         DVec3::new(0.05, 0.0, 0.075),
         DVec3::new(0.04, 0.08, -0.02),
     );
-    let used = ["KHR_materials_emissive_strength", "KHR_materials_specular"];
     glb.add(
         "small lamp",
         &facing(small, DVec3::new(0.0, 0.1, 0.0)),
         lamp(190.0),
-        &used,
     );
     let wide = Surface::rectangle(DVec3::new(-0.6, 1.5, -0.2), DVec3::X * 1.2, DVec3::Z * 1.0);
-    glb.add("wide lamp", &facing(wide, DVec3::ZERO), lamp(1.1), &used);
+    glb.add("wide lamp", &facing(wide, DVec3::ZERO), lamp(1.1));
     glb.camera(
         DVec3::new(0.04, 0.25, 0.38),
         DVec3::new(0.04, 0.12, 0.0),

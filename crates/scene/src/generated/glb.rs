@@ -1,5 +1,7 @@
 //! Binary glTF of what is made by formulas.
 
+use std::collections::BTreeSet;
+
 use glam::{DMat3, DQuat, DVec3};
 use serde_json::{Value, json};
 
@@ -13,7 +15,7 @@ pub struct Glb {
     nodes: Vec<Value>,
     meshes: Vec<Value>,
     materials: Vec<Value>,
-    extensions: Vec<&'static str>,
+    extensions: BTreeSet<String>,
     cameras: Vec<Value>,
     views: Vec<Value>,
     accessors: Vec<Value>,
@@ -21,19 +23,11 @@ pub struct Glb {
 }
 
 impl Glb {
-    /// Adds a surface with a glTF material; `extensions` are those that the material uses.
-    pub fn add(
-        &mut self,
-        name: &str,
-        surface: &Surface,
-        mut material: Value,
-        extensions: &[&'static str],
-    ) {
+    /// Adds a surface with a glTF material.
+    pub fn add(&mut self, name: &str, surface: &Surface, mut material: Value) {
         material["name"] = json!(name);
-        for extension in extensions {
-            if !self.extensions.contains(extension) {
-                self.extensions.push(extension);
-            }
+        if let Some(extensions) = material["extensions"].as_object() {
+            self.extensions.extend(extensions.keys().cloned());
         }
         let vec3 = |values: &[DVec3]| -> Vec<u8> {
             let values = values.iter().flat_map(|value| value.as_vec3().to_array());
@@ -142,9 +136,6 @@ pub fn lambert(color: [f64; 3]) -> Value {
     })
 }
 
-/// What [`lambert`] uses.
-pub const LAMBERT: &[&str] = &["KHR_materials_specular"];
-
 /// A body of glass or water: index of refraction, and what is left of white light after a distance.
 pub fn body(ior: f64, roughness: f64, distance_m: f64, left: [f64; 3]) -> Value {
     json!({
@@ -156,10 +147,3 @@ pub fn body(ior: f64, roughness: f64, distance_m: f64, left: [f64; 3]) -> Value 
         },
     })
 }
-
-/// What [`body`] uses.
-pub const BODY: &[&str] = &[
-    "KHR_materials_ior",
-    "KHR_materials_transmission",
-    "KHR_materials_volume",
-];

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::super::SceneError;
-use super::glb::{Glb, LAMBERT, lambert};
+use super::glb::{Glb, lambert};
 use super::noise::{fractal, ridged, smooth};
 use super::surface::Surface;
 
@@ -56,7 +56,7 @@ fn color(at: DVec3, normal: DVec3) -> DVec3 {
 pub fn terrain() -> Result<Vec<u8>, SceneError> {
     let mut glb = Glb::default();
     let ground = Surface::height_field(CELLS, EDGE_M, height_m).colored(color);
-    glb.add("terrain", &ground, lambert([1.0; 3]), LAMBERT);
+    glb.add("terrain", &ground, lambert([1.0; 3]));
     let stand = DVec2::new(30.0, 560.0);
     let eye = DVec3::new(stand.x, height_m(stand) + 30.0, stand.y);
     glb.camera(eye, DVec3::new(0.0, eye.y - 12.0, 0.0), 55.0);

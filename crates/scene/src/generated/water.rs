@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3, IVec2};
 
 use super::super::SceneError;
-use super::glb::{BODY, Glb, LAMBERT, body, lambert};
+use super::glb::{Glb, body, lambert};
 use super::noise::{fractal, hash, smooth};
 use super::surface::Surface;
 
@@ -164,15 +164,14 @@ fn posts() -> Surface {
 pub fn water() -> Result<Vec<u8>, SceneError> {
     let mut glb = Glb::default();
     let ground = Surface::height_field(320, 30.0, ground_m).colored(ground_color);
-    glb.add("ground", &ground, lambert([1.0; 3]), LAMBERT);
-    glb.add("stones", &stones(), lambert([1.0; 3]), LAMBERT);
-    glb.add("posts", &posts(), lambert([1.0; 3]), LAMBERT);
+    glb.add("ground", &ground, lambert([1.0; 3]));
+    glb.add("stones", &stones(), lambert([1.0; 3]));
+    glb.add("posts", &posts(), lambert([1.0; 3]));
     let water = Surface::height_field(440, 2.0 * SHORE_M + 4.0, wave_m);
     glb.add(
         "water",
         &water,
         body(IOR, ROUGHNESS, 3.0, [0.6, 0.84, 0.78]),
-        BODY,
     );
     glb.camera(DVec3::new(0.2, 1.6, 4.9), DVec3::new(0.35, 0.0, 1.9), 60.0);
     glb.finish()
