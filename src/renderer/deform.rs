@@ -500,9 +500,7 @@ fn joint_bounds(mesh: &Mesh, joints: Option<usize>) -> Vec<Option<Bounds>> {
             if weight > 0.0
                 && let Some(around) = bounds.get_mut(usize::from(*joint))
             {
-                let corners = around
-                    .into_iter()
-                    .flat_map(|around| [around.min, around.max]);
+                let corners = around.iter().flat_map(|around| [around.min, around.max]);
                 *around = Bounds::of_points(corners.chain([point]));
             }
         }
