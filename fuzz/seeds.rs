@@ -54,41 +54,22 @@ pub fn pictures(format: ImageFormat) -> Vec<Vec<u8>> {
 
 /// Small glTF documents as JSON, self-contained.
 pub fn documents() -> Vec<Value> {
-    let mut bytes: Vec<u8> = Vec::new();
-    for x in [
-        [0.0_f32, 0.0, 0.0],
-        [1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0],
-        [1.0, 1.0, 0.5],
-    ]
-    .as_flattened()
-    {
-        bytes.extend(x.to_le_bytes());
+    let floats = |values: &[f32]| bytemuck::cast_slice(values).to_vec();
+    let corners = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.5];
+    let parts: [Vec<u8>; 7] = [
+        floats(&corners),
+        bytemuck::cast_slice(&[0_u16, 1, 2, 2, 1, 3]).to_vec(),
+        floats(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0]),
+        [[0, 0, 0, 0], [1, 0, 0, 0]].concat().repeat(2),
+        [255, 0, 0, 0].repeat(4),
+        floats(&[0.0, 0.5, 1.0]),
+        pictures(ImageFormat::Png).swap_remove(0),
+    ];
+    let (mut bytes, mut views) = (Vec::new(), Vec::new());
+    for part in parts {
+        views.push(json!({ "buffer": 0, "byteOffset": bytes.len(), "byteLength": part.len() }));
+        bytes.extend(part);
     }
-    for index in [0_u16, 1, 2, 2, 1, 3] {
-        bytes.extend(index.to_le_bytes());
-    }
-    let indices = 48;
-    let uv = bytes.len();
-    for x in [[0.0_f32, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]].as_flattened() {
-        bytes.extend(x.to_le_bytes());
-    }
-    let joints = bytes.len();
-    for vertex in 0..4 {
-        bytes.extend([vertex % 2, 0, 0, 0]);
-    }
-    let weights = bytes.len();
-    for _ in 0..4 {
-        bytes.extend([255, 0, 0, 0]);
-    }
-    let times = bytes.len();
-    for x in [0.0_f32, 0.5, 1.0] {
-        bytes.extend(x.to_le_bytes());
-    }
-    let png = bytes.len();
-    bytes.extend(pictures(ImageFormat::Png).swap_remove(0));
-    let png_length = bytes.len() - png;
-    let view = |offset: usize, length: usize| json!({ "buffer": 0, "byteOffset": offset, "byteLength": length });
     let data = BASE64_STANDARD_NO_PAD.encode(&bytes);
     let uri = format!("data:application/octet-stream;base64,{data}");
     let accessor = |view: usize, component: u32, count: u32, kind: &str| json!({ "bufferView": view, "componentType": component, "count": count, "type": kind });
@@ -150,10 +131,7 @@ pub fn documents() -> Vec<Value> {
                 "values": { "bufferView": 0 },
             } },
         ],
-        "bufferViews": [
-            view(0, indices), view(indices, 12), view(uv, 32), view(joints, 16), view(weights, 16), view(times, 12),
-            view(png, png_length),
-        ],
+        "bufferViews": views,
         "buffers": [{ "byteLength": bytes.len(), "uri": uri }],
         "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_ior", "KHR_materials_sheen"],
         "extensions": { "KHR_lights_punctual": { "lights": [

@@ -188,8 +188,6 @@ struct Stored {
     instructions: u32,
 }
 
-type Key = (Family, String, String, String);
-
 impl Stored {
     fn of(driver: &str, row: &Row) -> Self {
         Self {
@@ -202,32 +200,21 @@ impl Stored {
         }
     }
 
-    fn key(&self) -> Key {
-        (
-            self.card,
-            self.scene.clone(),
-            self.frame.clone(),
-            self.pass.clone(),
-        )
+    /// As [`Row::name`].
+    fn name(&self) -> String {
+        let card = self.card.name();
+        format!("{card} {} {} ({})", self.scene, self.pass, self.frame)
     }
 }
 
 /// Lines for kernels that grew, that are new, or that are gone.
 fn compare(stored: &[Stored], now: &[Stored]) -> Vec<String> {
-    let mut before: BTreeMap<Key, u32> = stored
-        .iter()
-        .map(|line| (line.key(), line.instructions))
-        .collect();
+    let counts = stored.iter().map(|line| (line.name(), line.instructions));
+    let mut before: BTreeMap<String, u32> = counts.collect();
     let mut faults = Vec::new();
     for line in now {
-        let name = format!(
-            "{} {} {} ({})",
-            line.card.name(),
-            line.scene,
-            line.pass,
-            line.frame
-        );
-        match before.remove(&line.key()) {
+        let name = line.name();
+        match before.remove(&name) {
             Some(count) if line.instructions * 100 > count * (100 + MORE_INSTRUCTIONS) => {
                 faults.push(format!(
                     "{name} has {} instructions, over {MORE_INSTRUCTIONS} % more than the {count} that are stored",
@@ -238,13 +225,8 @@ fn compare(stored: &[Stored], now: &[Stored]) -> Vec<String> {
             None => faults.push(format!("{name} is not stored")),
         }
     }
-    let gone = before.into_keys().map(|(card, scene, frame, pass)| {
-        format!(
-            "{} {scene} {pass} ({frame}) is stored and is no more",
-            card.name()
-        )
-    });
-    faults.extend(gone);
+    let gone = before.into_keys();
+    faults.extend(gone.map(|name| format!("{name} is stored and is no more")));
     faults
 }
 
