@@ -351,11 +351,7 @@ fn valued<P: Copy>(inspected: &Inspected, values: &[P]) -> Result<Image<Option<P
 
 fn colored<P: Copy>(values: &Image<Option<P>>, color: impl Fn(P) -> [u8; 3]) -> ImageRgb8 {
     let pixels = values.pixels.iter();
-    Image {
-        width: values.width,
-        height: values.height,
-        pixels: pixels.map(|value| value.map_or(NO_VALUE, &color)).collect(),
-    }
+    values.like(pixels.map(|value| value.map_or(NO_VALUE, &color)))
 }
 
 fn bar<P: Copy + Into<f64>>(

@@ -820,7 +820,10 @@ pub(crate) const fn posef([x, y, z, w]: [f32; 4], at: [f32; 3]) -> xr::Posef {
 #[must_use]
 pub fn joint_at(hand: usize, joint: usize) -> xr::Posef {
     let x = if hand == 0 { -0.25 } else { 0.25 };
-    posef([0.0, 0.6, 0.0, 0.8], [x, joint as f32 / 64.0, -0.5])
+    xr::Posef {
+        orientation: GAZE.orientation,
+        ..posef([0.0; 4], [x, joint as f32 / 64.0, -0.5])
+    }
 }
 
 /// Whether `trackers` tracks all in a frame; the first waited for is 1.
