@@ -21,6 +21,9 @@ const TOUCH: &str = "/interaction_profiles/oculus/touch_controller";
 const INDEX: &str = "/interaction_profiles/valve/index_controller";
 const TRIGGER: &str = "/user/hand/right/input/trigger/value";
 
+/// By how much the wearer is moved in the twentieth frame.
+const MOVE_M: DVec3 = DVec3::new(1.0, 0.5, -2.0);
+
 /// What an application saw of its actions in a frame.
 type Seen = (bool, bool, bool, f64, DVec2, Option<Tracked>);
 
@@ -81,6 +84,7 @@ impl App for Marks {
         if self.seen.len() == 20 {
             world.vibrate(Side::Right, 0.25, 2.0);
             world.vibrate_action("buzz", 0.0, 0.5)?;
+            world.move_wearer(MOVE_M)?;
         }
         let vibrated = world
             .vibrate_action("mark", 0.0, 0.0)
@@ -248,6 +252,12 @@ fn an_applications_bindings_are_suggested_and_its_locomotion_dropped() {
     assert_eq!(text.matches("vibrates: ").count(), 2, "{text}");
     let walks = text.contains(" walk ") || text.contains(" advance ");
     assert!(!walks, "{text}");
+    // The runtime's head stands still.
+    let trace = Trace::read(&folder.join("trace.jsonl")).unwrap();
+    let place = |frame: usize| trace.frames[frame].views.midpoint_in_world();
+    for (frame, by_m) in [(19, DVec3::ZERO), (20, MOVE_M), (39, MOVE_M)] {
+        assert!(place(frame).distance(place(0) + by_m) < 1e-12, "{frame}");
+    }
 }
 
 /// The left A is down from frame 10 to 20, and the left stick ahead: nobody walks.
