@@ -7,35 +7,15 @@
 
 use std::borrow::Cow;
 
-/// Domain of a pass: what it runs over.
+/// Domain of a pass: what it runs over. The plan says how many there are ([`super::step::Size`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Domain {
-    /// One workgroup.
-    Once,
-    /// Vertices, triangles or BLAS nodes of deforming meshes.
-    Deforming,
-    /// The photon paths of a batch.
-    Paths,
-    /// Blocks of 2,048 values of a prefix sum.
-    ScanBlocks,
-    /// Values of a prefix sum.
-    ScanValues,
-    /// Photons, sixteen per thread, by the list's capacity.
-    PhotonSixteenths,
-    /// Stored photons.
-    Photons,
-    /// Blocks of the radix sort.
-    Blocks,
-    /// Nodes of one level of the kd-tree.
-    Level,
-    /// Entries of the three sorted photon orders.
-    Orders,
-    /// All pixels in 8x8 tiles, or those of a list.
-    Pixels,
-    /// The 8x8 tiles in which a surface is seen, all their pixels.
-    SeenTiles,
+    /// As many threads as its step says.
+    Step,
     /// The pixels of a list: an eye's pixels that see a surface, or a part of them.
     Hits,
+    /// The 8x8 tiles in which a surface is seen, all their pixels; or the whole image's, where its step says so.
+    SeenTiles,
     /// All pixels, as fragments of one triangle: a render pass into a texture.
     Fragments,
 }
@@ -81,57 +61,57 @@ macro_rules! passes {
 }
 
 passes! {
-    deform: Deforming,
+    deform: Step,
         "Skins and morphs vertices, in their instance's object space.";
-    deform_triangles: Deforming,
+    deform_triangles: Step,
         "Writes the deformed vertices into the BVH's triangles.";
-    refit: Deforming,
+    refit: Step,
         "Refits the boxes of one BLAS level of the deforming meshes, from the leaves up.";
-    photon_trace: Paths scene,
+    photon_trace: Step scene,
         "Emits and traces photon paths; each path stores its photons in its own slots.";
-    caustic_trace: Paths scene,
+    caustic_trace: Step scene,
         "Emits the photon paths of the caustic map and traces them over narrow lobes.";
-    guide_look: Paths scene,
+    guide_look: Step scene,
         "Finds what the pilot paths are worth, by what of their photons the head sees.";
-    guide_setup: Once scene,
+    guide_setup: Step scene,
         "Weighs the cells of emission by what the pilot paths left.";
-    photon_edges: Paths scene,
+    photon_edges: Step scene,
         "Divides photons' flux by the share of their gather disc that surfaces cover.";
-    scan_blocks: ScanBlocks,
+    scan_blocks: Step,
         "Prefix sum, first and second step: scans blocks of 2,048 values, then the blocks' totals.";
-    scan_add: ScanValues,
+    scan_add: Step,
         "Prefix sum, last step: adds each block's start.";
-    photon_append: Paths,
+    photon_append: Step,
         "Appends a batch's photons to the list in path order, whole paths only.";
-    photon_count: Once,
+    photon_count: Step,
         "Counts a batch's stored, dropped and kept photons.";
-    photon_bounds: PhotonSixteenths,
+    photon_bounds: Step,
         "Finds the photons' bounding box.";
-    grid_setup: Once,
+    grid_setup: Step,
         "Lays the grid over the photons' box.";
-    cell_count: Photons,
+    cell_count: Step,
         "Counts the photons of every cell and stores each photon's cell.";
-    radix_count: Blocks,
+    radix_count: Step,
         "Radix sort: counts a digit of the photons' cells, block by block.";
-    radix_scatter: Blocks,
+    radix_scatter: Step,
         "Radix sort: scatters entries by a digit, stably.";
-    photon_reorder: Photons,
+    photon_reorder: Step,
         "Copies photons into cell order and finds the longest cell.";
-    kd_setup: Once,
+    kd_setup: Step,
         "Computes the workgroup counts of the kd-tree's passes.";
-    kd_keys: Photons,
+    kd_keys: Step,
         "Takes one coordinate of every photon as its key.";
-    kd_orders: Photons,
+    kd_orders: Step,
         "Stores the photons' order along one axis.";
-    kd_axis: Level,
+    kd_axis: Step,
         "Chooses the split axis of each node of a level.";
-    kd_flag: Orders,
+    kd_flag: Step,
         "Marks the photons that go to their node's left subtree.";
-    kd_move: Orders,
+    kd_move: Step,
         "Partitions the photons of every node of a level.";
-    kd_place: Photons,
+    kd_place: Step,
         "Puts photons and nodes into heap order.";
-    first_hits: Pixels scene,
+    first_hits: Step scene,
         "Traces primary rays, finishes what meets nothing, and lists the pixels that see a surface.";
     eye_hits: Hits scene,
         "Follows primary rays over mirrors and through glass to the first surface that gathers photons.";
@@ -167,19 +147,19 @@ passes! {
         "Reprojects left hits into the right eye and keeps the nearest distance per right pixel.";
     scatter_winner: Hits,
         "Settles ties: the lowest left pixel at the nearest distance wins.";
-    reuse_hits: Pixels scene,
+    reuse_hits: Step scene,
         "Finds what right primary rays meet, finishes what meets nothing, and lists the pixels that see a surface.";
     fill_hits: Hits scene,
         "Traces the primary rays of pixels whose cached hit brought no light.";
     reuse_lookup: Hits scene,
         "Lights what the right eye sees by the left samples around it, and lists the rest.";
-    left_copy: Pixels scene,
+    left_copy: Step scene,
         "Copies the left eye's sample to the right eye, if both eyes are equal.";
-    list_setup: Once,
+    list_setup: Step,
         "Computes a pixel list's workgroups from its length.";
     fill_reasons: Hits scene,
         "Finds why each filled pixel could not be reused.";
-    background: Pixels scene,
+    background: Step scene,
         "Finishes the pixels that see no surface, with their motion since the previous frame, and lists the tiles of the others.";
     motion: SeenTiles scene,
         "Writes what the pixels' centres see, a surface or what shows in it, and its motion since the previous frame.";
@@ -199,14 +179,14 @@ passes! {
         "Writes an eye's depth into a runtime's texture.";
     mirror: Fragments,
         "Draws an eye's image into its rectangle of a desktop window.";
-    still_picture: Pixels,
+    still_picture: Step,
         "Averages frames of a still view and tone maps the mean, 8 bits a channel.";
-    inspect_surfaces: Pixels scene,
+    inspect_surfaces: Step scene,
         "Traces each pixel's centre: instance, triangle, material, distance, normals, base colour, BVH nodes visited.";
-    inspect_photons: Pixels,
+    inspect_photons: Step,
         "Counts the photons around each pixel's surface: within the gather radius, and in its grid cell.";
-    inspect_dots: Photons,
+    inspect_dots: Step,
         "Counts the photons that an eye sees in each of its pixels.";
-    inspect_caustics: Pixels scene,
+    inspect_caustics: Step scene,
         "Gathers only the caustic map, at the end of each pixel centre's path.";
 }

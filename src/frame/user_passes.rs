@@ -30,7 +30,7 @@ fn pass_of(user_pass: &UserPass) -> Pass {
         name: user_pass.name.clone().into(),
         what: format!("A pass of the user's: {}.", user_pass.file.display()).into(),
         over: match user_pass.over {
-            UserDomain::Pixels => Domain::Pixels,
+            UserDomain::Pixels => Domain::Step,
             UserDomain::Hits => Domain::Hits,
         },
         sees_scene: true,
