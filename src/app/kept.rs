@@ -1,12 +1,11 @@
 //! What of a world outlives a call of the application, and how it comes to be shown.
 
 use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex};
 
 use glam::DVec3;
 
 use super::hands::Hands;
-use super::loading::{Answer, Successor};
+use super::loading::{Questions, Successor};
 use crate::gpu::ShaderLibrary;
 use crate::renderer::{Applied, PreparedPart, RenderError, Renderer};
 use crate::scene::{Scene, ScenePart};
@@ -42,8 +41,8 @@ pub(crate) struct Kept {
     arrival: Option<Arrival>,
     /// Shaders of all renderers.
     pub(super) library: Option<ShaderLibrary>,
-    /// Threads that load parts and wait for the scene; each of those threads holds this until it is done.
-    pub(super) asked: Arc<Mutex<Vec<Answer>>>,
+    /// What threads that load parts ask for.
+    pub(super) asked: Questions,
     /// How often the surroundings were replaced.
     pub(super) surroundings: u32,
     /// The surroundings are others.

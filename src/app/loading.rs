@@ -52,7 +52,32 @@ impl Successor {
 
 /// Gives a thread the scene as it is, with [`Kept::surroundings`], for another renderer. Only what lacks shaders asks for
 /// it: copying a large scene takes a frame's time.
-pub(super) type Answer = Sender<(Scene, u32)>;
+type Answer = Sender<(Scene, u32)>;
+
+/// Threads that wait for the scene. Each that loads holds the list until it is done.
+#[derive(Default)]
+pub(super) struct Questions(Arc<Mutex<Vec<Answer>>>);
+
+impl Questions {
+    fn taken(&self) -> Vec<Answer> {
+        std::mem::take(&mut *locked(&self.0))
+    }
+
+    /// Waits for all threads, which may be busy on the device, and tells those that ask that the run is over.
+    pub(super) fn end(&self) {
+        while Arc::strong_count(&self.0) > 1 {
+            self.taken();
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+    }
+}
+
+/// Also where an application falls over: nobody would answer.
+impl Drop for Questions {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
 
 /// What a thread needs to prepare a part for a renderer.
 pub(super) struct Maker {
@@ -67,8 +92,8 @@ impl PartLoading {
         load: impl FnOnce() -> Result<Scene, AppError> + Send + 'static,
         maker: Option<Maker>,
     ) -> Self {
-        let running = Arc::clone(&kept.asked);
-        let asked = Arc::clone(&kept.asked);
+        let running = Arc::clone(&kept.asked.0);
+        let asked = Arc::clone(&kept.asked.0);
         let make = move || {
             let scene = load()?;
             let Some(maker) = maker else {
@@ -120,18 +145,9 @@ impl PartLoading {
 }
 
 impl Kept {
-    /// Waits for all threads, which may be busy on the device, and tells those that ask that the run is over.
-    pub(super) fn end_loading(&mut self) {
-        while Arc::strong_count(&self.asked) > 1 {
-            locked(&self.asked).clear();
-            std::thread::sleep(std::time::Duration::from_millis(1));
-        }
-    }
-
     /// Gives the scene to threads that ask for it.
     pub(super) fn answer_questions(&mut self) {
-        let asked = std::mem::take(&mut *locked(&self.asked));
-        for answer in asked {
+        for answer in self.asked.taken() {
             // A thread that has fallen over wants no answer.
             let _ = answer.send((self.scene.clone(), self.surroundings));
         }
@@ -140,4 +156,22 @@ impl Kept {
 
 fn locked(asked: &Mutex<Vec<Answer>>) -> MutexGuard<'_, Vec<Answer>> {
     asked.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nobody_waits_for_an_answer_once_the_application_is_gone() {
+        let questions = Questions::default();
+        let asked = Arc::clone(&questions.0);
+        let thread = std::thread::spawn(move || {
+            let (answer, answered) = channel();
+            locked(&asked).push(answer);
+            answered.recv().is_err()
+        });
+        drop(questions);
+        assert!(thread.join().unwrap());
+    }
 }

@@ -238,7 +238,7 @@ impl<'a> Application<'a> {
 
     pub(crate) fn end(&mut self) {
         self.app.end(&mut World::new(&mut self.kept, None, None));
-        self.kept.end_loading();
+        self.kept.asked.end();
         // With a model that has come meanwhile, and its renderer: they go before the session does.
         self.kept.hands = None;
     }

@@ -353,7 +353,6 @@ impl Deformer {
         Some(triangles.map(|t| t.vertices.map(corners)).collect())
     }
 
-    /// Other marks of materials, for hierarchies that are built anew.
     /// Where the previous frame's positions of a mesh begin.
     pub fn first_position(&self, mesh: usize) -> Option<u32> {
         let shape = self.shapes.iter().find(|shape| shape.mesh == mesh)?;

@@ -80,7 +80,6 @@ impl PhotonMap {
         self.last.counters
     }
 
-    /// Counters that steer the next frame.
     /// Where (world, metres) and in which frame the photons were traced last.
     pub fn traced_at(&self) -> Option<(DVec3, u32)> {
         self.traced_at
@@ -171,7 +170,6 @@ impl PhotonMap {
         Ok(())
     }
 
-    /// Retraces its paths in other shares from now on, at most as many as it was made for.
     /// Slices that the gather needs for the photons that arrived last ([`PhotonMap::slices_for`]).
     pub fn gather_slices(&self) -> u32 {
         self.slices_for(self.last, [1, 1])

@@ -26,7 +26,7 @@ pub(super) fn walls(rectangles: &[[DVec3; 3]], material: u32) -> Mesh {
     mesh(&points, triangles.collect(), material)
 }
 
-/// A node for each mesh, in the root's place.
+/// A scene of a node for each mesh, all of them roots.
 pub(super) fn scene_of(materials: Vec<Material>, meshes: Vec<Mesh>) -> Scene {
     let node = |mesh| Node {
         mesh: Some(mesh),

@@ -81,10 +81,12 @@ impl<P: Copy> Image<P> {
     /// An image of the same size, of as many pixels.
     #[must_use]
     pub fn like<Q>(&self, pixels: impl IntoIterator<Item = Q>) -> Image<Q> {
+        let pixels: Vec<Q> = pixels.into_iter().collect();
+        debug_assert_eq!(pixels.len(), self.pixels.len());
         Image {
             width: self.width,
             height: self.height,
-            pixels: pixels.into_iter().collect(),
+            pixels,
         }
     }
 

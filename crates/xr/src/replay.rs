@@ -75,7 +75,7 @@ enum Recording {
 }
 
 impl ReplaySession {
-    /// Opens a recording. Warnings about the file go to the log.
+    /// Opens a recording. Warnings about the file go to the log and to [`ReplaySession::warnings`].
     ///
     /// # Errors
     /// An unreadable or unknown file, the first fault in it (with file, line and field; a controller's model that it names is
@@ -166,6 +166,15 @@ impl ReplaySession {
             next_frame: 0,
             order: FrameOrder::default(),
             pacer: Pacer::new(options.pacing),
+        }
+    }
+
+    /// What is wrong with the file and does not keep it from being replayed: an end that was cut off.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        match &self.recording {
+            Recording::Native(trace) => &trace.warnings,
+            Recording::Head(..) => &[],
         }
     }
 

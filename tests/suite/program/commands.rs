@@ -7,7 +7,8 @@ use serde_json::Value;
 use stereolux::images::read_image;
 
 use crate::suite::support::{
-    Folder, assert_says, assert_success, json, printed, run_into, stats, stderr, stereolux, words,
+    Folder, assert_says, assert_success, exrs, json, printed, run_into, stats, stderr, stereolux,
+    words,
 };
 
 /// What a run of one frame leaves, by name.
@@ -328,4 +329,38 @@ fn info_is_json() {
     // One goes with software adapters, the other with cards.
     let features = &info["scene"]["shader_features"];
     assert_ne!(features["record_texels"], features["wide_machine"]);
+}
+
+#[test]
+fn in_real_time_frames_wait_for_their_time_and_stay_the_same() {
+    let folder = Folder::new("real-time");
+    let trace = folder.join("trace.jsonl");
+    let size = "--frames 3 --size 8x8 --photons 300";
+    let record = format!(
+        "run --session simulated {size} --record {}",
+        trace.display()
+    );
+    assert_success(&run_into(&folder.join("recorded"), &record, &[]));
+    // A third of a second apart.
+    let text = std::fs::read_to_string(&trace).unwrap();
+    let [first, second] = ["\"t_ns\":11111111,", "\"t_ns\":22222222,"];
+    assert!(text.contains(first) && text.contains(second), "{text}");
+    let slow = text.replace(first, "\"t_ns\":333333333,");
+    folder.write("trace.jsonl", slow.replace(second, "\"t_ns\":666666666,"));
+    let replay = format!(
+        "run --session replay --trace {} --size 8x8 --photons 300",
+        trace.display()
+    );
+    let [paced, hurried] = [&["--realtime"][..], &[]].map(|more| {
+        let out = folder.join(&format!("replayed{}", more.len()));
+        assert_success(&run_into(&out, &replay, more));
+        (
+            exrs(&out),
+            json(&out.join("run.json"))["wall_s"].as_f64().unwrap(),
+        )
+    });
+    // Not a limit on speed: a frame that comes early is a fault on any machine.
+    assert!(paced.1 >= 0.666_666_666, "{} s", paced.1);
+    assert_eq!(paced.0.len(), 6);
+    assert!(paced.0 == hurried.0);
 }

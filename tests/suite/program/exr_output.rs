@@ -6,7 +6,7 @@ use exr::meta::attribute::AttributeValue;
 use exr::prelude::{FlatSamples, read_all_flat_layers_from_file};
 use glam::{DMat4, DQuat, DVec3, DVec4};
 
-use crate::suite::support::{Folder, assert_success, json, run_into, words};
+use crate::suite::support::{Folder, assert_success, json, run_into, stats, words};
 
 const POSE: &str = "-0.2 0.3 0.9 0 0.1736482 0 0.9848078";
 const SIZE: [usize; 2] = [24, 18];
@@ -92,6 +92,29 @@ fn attributes_say_where_the_eye_was_and_what_it_saw() {
         let seen = camera_from_world * DVec4::from((point, 1.0));
         let off = seen.truncate() - DVec3::new(0.2, 0.1, 1.0);
         assert!(off.length() < 1e-6, "{seen}");
+    }
+}
+
+#[test]
+fn every_frame_says_when_it_was_shown() {
+    let folder = Folder::new("exr-times");
+    let out = folder.join("out");
+    assert_success(&run_into(
+        &out,
+        "run --session simulated --frames 3 --size 8x8 --photons 300",
+        &[],
+    ));
+    for (index, line) in stats(&out).iter().enumerate() {
+        let path = out.join(format!("frame_000{index}_right.exr"));
+        let meta = exr::meta::MetaData::read_from_file(&path, true).unwrap();
+        let attributes = &meta.headers[0].own_attributes.other;
+        let is_time = |(name, _): &(&_, &_)| **name == *"stereolux.displayTimeNs";
+        let Some((_, AttributeValue::Text(time))) = attributes.iter().find(is_time) else {
+            panic!("{attributes:?}")
+        };
+        // 90 Hz, in whole nanoseconds.
+        assert_eq!(time.to_string(), (index * 1_000_000_000 / 90).to_string());
+        assert_eq!(line["display_time_ns"].to_string(), time.to_string());
     }
 }
 

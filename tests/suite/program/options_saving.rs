@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use stereolux::options::layers::Layers;
 use stereolux::options::{Extent, SettingsFile as _, example_toml};
 use stereolux::settings::registry::{self, sections};
-use stereolux::settings::{Kind, Settings};
+use stereolux::settings::{Kind, Settings, UserDomain, UserPass};
 
 use super::support::{Folder, assert_says, assert_success, stereolux};
 use super::trace_probe::Random;
@@ -198,12 +198,22 @@ fn a_saved_file_works_from_another_folder() {
     };
     settings.environment.path = "/absolute/sky.hdr".to_owned();
     settings.simulated.hands = "hands.toml".to_owned();
+    settings.gpu.shader_folder = "shaders".to_owned();
+    settings.render.user_passes = vec![UserPass {
+        file: "passes/glow.wesl".into(),
+        name: "glow".to_owned(),
+        after: "taa".to_owned(),
+        over: UserDomain::default(),
+    }];
     let placed = settings.with_paths_in(Path::new("/home/me"));
     assert_eq!(placed.scene, "/home/me/scenes/room.glb");
     assert_eq!(placed.headset, "/home/me/mine.toml");
     assert_eq!(placed.environment.path, "/absolute/sky.hdr");
     assert_eq!(placed.simulated.hands, "/home/me/hands.toml");
-    assert_eq!(placed.gpu.shader_folder, "");
+    assert_eq!(placed.gpu.shader_folder, "/home/me/shaders");
+    let passes = &placed.render.user_passes;
+    assert_eq!(passes[0].file, Path::new("/home/me/passes/glow.wesl"));
+    // What names no file stays empty.
     let names = Settings::default();
     assert_eq!(names.with_paths_in(Path::new("/home/me")), names);
 

@@ -1,6 +1,6 @@
 //! Saving an edited scene: the original glTF with what was edited changed in it.
 //!
-//! Buffer, images, animations, skins, unknown extensions and `extras` stay as they are, and so does every number that no
+//! Buffers, images, animations, skins, unknown extensions and `extras` stay as they are, and so does every number that no
 //! edit has touched. Buffers and pictures beside the original go into the new one, which therefore stands alone; a file that
 //! is named as a picture and is none is not carried along. Read back it gives the same
 //! scene: transforms are written with all digits of f64, colours and factors with those that f32 needs. JSON values are

@@ -5,7 +5,6 @@
 use glam::{DQuat, DVec3};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-use stereolux_xr::trace::Trace;
 use stereolux_xr::{
     Headset, Pacing, Pose, ReplayOptions, ReplaySession, TraceBody, TraceUp, XrError, XrSession,
 };
@@ -191,7 +190,7 @@ fn a_killed_runs_trace_replays_with_a_warning() {
     let text = native(3);
     let file = TemporaryFile::with("killed.jsonl", &text[..text.len() - 40]);
     let mut session = ReplaySession::open(&file.0, options()).unwrap();
-    let warnings = Trace::read(&file.0).unwrap().warnings;
+    let warnings = session.warnings();
     assert!(warnings.len() == 1 && warnings[0].contains("line 4"));
     assert_eq!(play(&mut session).len(), 2);
 }

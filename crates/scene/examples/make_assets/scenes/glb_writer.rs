@@ -183,6 +183,7 @@ impl GlbWriter {
                     json!(self.floats(&uvs, "VEC2", false, Some(ARRAY_BUFFER)));
             }
             let corners = part.triangles.as_flattened().iter();
+            assert!(part.positions.len() <= 1 << 16, "corners have 16 bits");
             let corners: Vec<u16> = corners.map(|corner| *corner as u16).collect();
             let indices = self.shorts(&corners, "SCALAR", ELEMENT_ARRAY_BUFFER);
             if !part.joints.is_empty() {

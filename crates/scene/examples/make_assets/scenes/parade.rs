@@ -53,12 +53,12 @@ pub fn write() -> Result<Vec<u8>, SceneError> {
     let rigid = |glb: &mut GlbWriter, name: &str, half: f64, material: u32, at: DVec3| {
         let shape = Shape::beveled_box(DVec3::splat(-half), DVec3::splat(half), 0.1 * half);
         let mesh = glb.mesh(name, &[shape.plain_part(material)]);
-        Ok(glb.node(name, DAffine3::from_translation(at), Payload::Mesh(mesh)))
+        glb.node(name, DAffine3::from_translation(at), Payload::Mesh(mesh))
     };
-    let box_node = rigid(&mut glb, "box", 0.18, red, box_at(0))?;
-    let lantern_node = rigid(&mut glb, "lantern", 0.06, lantern, lantern_at(0))?;
-    let joints = add_tube(&mut glb, green)?;
-    let ball = add_ball(&mut glb, blue)?;
+    let box_node = rigid(&mut glb, "box", 0.18, red, box_at(0));
+    let lantern_node = rigid(&mut glb, "lantern", 0.06, lantern, lantern_at(0));
+    let joints = add_tube(&mut glb, green);
+    let ball = add_ball(&mut glb, blue);
     let camera = glb.camera("viewpoint", 0.9);
     glb.node(
         "viewpoint",
@@ -155,7 +155,7 @@ fn bending(length_s: f64) -> Track {
 }
 
 /// A tube that stands on the floor; returns its joints.
-fn add_tube(glb: &mut GlbWriter, material: u32) -> Result<Vec<u32>, SceneError> {
+fn add_tube(glb: &mut GlbWriter, material: u32) -> Vec<u32> {
     let radius = 0.13;
     let ring = |at: usize| TUBE_M * at as f64 / RINGS as f64;
     let mut profile: Vec<DVec2> = (0..=RINGS).map(|at| DVec2::new(radius, ring(at))).collect();
@@ -200,11 +200,11 @@ fn add_tube(glb: &mut GlbWriter, material: u32) -> Result<Vec<u32>, SceneError> 
         .map(|joint| DAffine3::from_translation(DVec3::NEG_Y * gap * joint as f64))
         .collect();
     glb.skin(node, &nodes, &bind);
-    Ok(nodes)
+    nodes
 }
 
 /// A ball that becomes a lens with bumps.
-fn add_ball(glb: &mut GlbWriter, material: u32) -> Result<u32, SceneError> {
+fn add_ball(glb: &mut GlbWriter, material: u32) -> u32 {
     let ball = Shape::icosphere(BALL_M, 3);
     let bent = |p: &DVec3| {
         let bump = 1.0 + 0.25 * (9.0 * p.x / BALL_M).sin() * (7.0 * p.z / BALL_M).cos();
@@ -228,7 +228,7 @@ fn add_ball(glb: &mut GlbWriter, material: u32) -> Result<u32, SceneError> {
     };
     let mesh = glb.mesh("ball", &[part]);
     let at = DAffine3::from_translation(DVec3::new(0.55, 0.45, -0.7));
-    Ok(glb.node("ball", at, Payload::Mesh(mesh)))
+    glb.node("ball", at, Payload::Mesh(mesh))
 }
 
 /// Rounded so far that the last bit of a sine, which differs between mathematical libraries, does not count.
