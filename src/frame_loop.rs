@@ -447,7 +447,7 @@ pub fn run(
         mirror,
         application,
     );
-    application.end();
+    application.end(renderer);
     // Frames before an error have statistics too.
     let retired = way.retire(renderer, 0);
     ended.and(retired)
@@ -535,7 +535,7 @@ fn run_frames(
             // Also while the session shows nothing.
             mirror.serve();
         }
-        application.kept.rebuild(renderer, library)?;
+        application.kept.rebuild(renderer)?;
         let role = options.role(index);
         if role == Role::Last {
             return Ok(());

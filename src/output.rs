@@ -77,6 +77,26 @@ impl FrameImages {
     }
 }
 
+/// Makes a folder if need be, and holds it by a lock on its `stats.jsonl`, which may be empty.
+///
+/// # Errors
+/// The folder cannot be made or written to, something else has that name in it, or another run writes there.
+pub fn take(folder: &Path) -> io::Result<File> {
+    fs::create_dir_all(folder)?;
+    let path = folder.join(STATS);
+    // A link leads to somebody else's file, and a pipe would wait for a reader.
+    if fs::symlink_metadata(&path).is_ok_and(|there| !there.is_file()) {
+        return Err(io::Error::other(format!("{STATS} in it is no file")));
+    }
+    let mut options = File::options();
+    let stats = options.create(true).write(true).truncate(false);
+    let stats = stats.open(path)?;
+    if cfg!(unix) && matches!(stats.try_lock(), Err(TryLockError::WouldBlock)) {
+        return Err(io::Error::other("another run writes to it"));
+    }
+    Ok(stats)
+}
+
 /// The folder that a run writes to.
 pub struct OutputFolder {
     path: PathBuf,
@@ -109,7 +129,7 @@ impl OutputFolder {
         }
     }
 
-    /// Makes the folder if need be and takes it for this run, by a lock on `stats.jsonl` where systems have locks that let others
+    /// Makes the folder if need be and takes it for this run, by a lock ([`take`]) where systems have locks that let others
     /// read on. What an older run has left in it stays until [`OutputFolder::clear`].
     ///
     /// # Errors
@@ -119,20 +139,13 @@ impl OutputFolder {
             path: path.to_owned(),
             reason: error.to_string(),
         };
-        fs::create_dir_all(path).map_err(fail)?;
         let is_new = !path.join(STATS).exists();
-        let mut options = File::options();
-        let stats = options.create(true).write(true).truncate(false);
-        let stats = stats.open(path.join(STATS)).map_err(fail)?;
-        if cfg!(unix) && matches!(stats.try_lock(), Err(TryLockError::WouldBlock)) {
-            return Err(fail(io::Error::other("another run writes to it")));
-        }
         Ok(Self {
             path: path.to_owned(),
             settings: settings.clone(),
             adapter: adapter.to_owned(),
             is_new,
-            stats,
+            stats: take(path).map_err(fail)?,
             trace: None,
         })
     }

@@ -7,6 +7,7 @@ use glam::DVec3;
 use super::hands::Hands;
 use super::loading::{Questions, Successor};
 use crate::gpu::ShaderLibrary;
+use crate::limits::LoadLimits;
 use crate::renderer::{Applied, PreparedPart, RenderError, Renderer};
 use crate::scene::{Scene, ScenePart};
 use crate::settings::Quality;
@@ -40,7 +41,9 @@ pub(crate) struct Kept {
     /// A part that the renderer cannot show and its successor can.
     arrival: Option<Arrival>,
     /// Shaders of all renderers.
-    pub(super) library: Option<ShaderLibrary>,
+    pub(super) library: ShaderLibrary,
+    /// What a load may take and reach.
+    pub(super) limits: LoadLimits,
     /// What threads that load parts ask for.
     pub(super) asked: Questions,
     /// How often the surroundings were replaced.
@@ -155,14 +158,7 @@ impl Kept {
     ///
     /// # Errors
     /// As [`Renderer::new`].
-    pub(crate) fn rebuild(
-        &mut self,
-        renderer: &mut Renderer,
-        library: &ShaderLibrary,
-    ) -> Result<(), RenderError> {
-        if self.library.is_none() {
-            self.library = Some(library.clone());
-        }
+    pub(crate) fn rebuild(&mut self, renderer: &mut Renderer) -> Result<(), RenderError> {
         if let Some(why) = self.needs_rebuild.take() {
             log::info!("the renderer is made anew: {why}");
             self.is_changed = false;
@@ -171,7 +167,7 @@ impl Kept {
             {
                 return Ok(());
             }
-            let successor = renderer.rebuild().build(library, &self.scene)?;
+            let successor = renderer.rebuild().build(&self.library, &self.scene)?;
             renderer.succeed_by(successor)?;
         }
         Ok(())

@@ -50,16 +50,21 @@ impl Successor {
     }
 }
 
-/// Gives a thread the scene as it is, with [`Kept::surroundings`], for another renderer. Only what lacks shaders asks for
-/// it: copying a large scene takes a frame's time.
-type Answer = Sender<(Scene, u32)>;
+/// What a thread waits for.
+enum Question {
+    /// How to prepare its part, once there is a renderer to prepare it for.
+    Maker(Sender<Maker>),
+    /// The scene as it is, with [`Kept::surroundings`], for another renderer. Only what lacks shaders asks for it: copying a
+    /// large scene takes a frame's time.
+    Scene(Sender<(Scene, u32)>),
+}
 
-/// Threads that wait for the scene. Each that loads holds the list until it is done.
+/// Questions of threads that load parts. Each holds the list until it is done.
 #[derive(Default)]
-pub(super) struct Questions(Arc<Mutex<Vec<Answer>>>);
+pub(super) struct Questions(Arc<Mutex<Vec<Question>>>);
 
 impl Questions {
-    fn taken(&self) -> Vec<Answer> {
+    fn taken(&self) -> Vec<Question> {
         std::mem::take(&mut *locked(&self.0))
     }
 
@@ -80,39 +85,38 @@ impl Drop for Questions {
 }
 
 /// What a thread needs to prepare a part for a renderer.
-pub(super) struct Maker {
-    pub(super) preparation: PartPreparation,
-    pub(super) rebuild: Rebuild,
-    pub(super) library: ShaderLibrary,
+struct Maker {
+    preparation: PartPreparation,
+    rebuild: Rebuild,
+    library: ShaderLibrary,
 }
 
 impl PartLoading {
     pub(super) fn begin(
-        kept: &mut Kept,
+        kept: &Kept,
         load: impl FnOnce() -> Result<Scene, AppError> + Send + 'static,
-        maker: Option<Maker>,
     ) -> Self {
         let running = Arc::clone(&kept.asked.0);
         let asked = Arc::clone(&kept.asked.0);
         let make = move || {
             let scene = load()?;
-            let Some(maker) = maker else {
+            // Nobody answers where it is added before there is a renderer, or once the run is over.
+            let Some(maker) = ask(&asked, Question::Maker) else {
                 return Ok(scene.into());
             };
             let needs = Needs::of(&scene);
             let mut successor = None;
-            if !maker.rebuild.can_show(&needs) {
-                let (answer, answered) = channel();
-                locked(&asked).push(answer);
-                // Nobody answers once the run is over.
-                if let Ok((scene, surroundings)) = answered.recv() {
-                    let renderer = maker.rebuild.build_for(&maker.library, &scene, &needs)?;
-                    successor = Some(Box::new(Successor {
-                        renderer,
-                        surroundings,
-                        needs,
-                    }));
-                }
+            // What deforms comes with a renderer that is made of the whole scene (`Renderer::add_part`).
+            if !needs.deformation
+                && !maker.rebuild.can_show(&needs)
+                && let Some((scene, surroundings)) = ask(&asked, Question::Scene)
+            {
+                let renderer = maker.rebuild.build_for(&maker.library, &scene, &needs)?;
+                successor = Some(Box::new(Successor {
+                    renderer,
+                    surroundings,
+                    needs,
+                }));
             }
             let own = successor
                 .as_ref()
@@ -135,9 +139,13 @@ impl PartLoading {
     }
 
     /// Waits for the thread; `None` if it fell over.
-    pub(super) fn end(self, kept: &mut Kept) -> Option<Result<Loaded, AppError>> {
+    pub(super) fn end(
+        self,
+        kept: &Kept,
+        renderer: Option<&Renderer>,
+    ) -> Option<Result<Loaded, AppError>> {
         while !self.0.is_finished() {
-            kept.answer_questions();
+            kept.answer_questions(renderer);
             std::thread::sleep(std::time::Duration::from_millis(1));
         }
         self.0.join().ok()
@@ -145,16 +153,35 @@ impl PartLoading {
 }
 
 impl Kept {
-    /// Gives the scene to threads that ask for it.
-    pub(super) fn answer_questions(&mut self) {
-        for answer in self.asked.taken() {
+    /// Answers threads that ask. What a part is prepared for nobody knows before there is a renderer.
+    pub(super) fn answer_questions(&self, renderer: Option<&Renderer>) {
+        for question in self.asked.taken() {
             // A thread that has fallen over wants no answer.
-            let _ = answer.send((self.scene.clone(), self.surroundings));
+            match (question, renderer) {
+                (Question::Maker(answer), Some(renderer)) => {
+                    let _ = answer.send(Maker {
+                        preparation: renderer.part_preparation(),
+                        rebuild: renderer.rebuild(),
+                        library: self.library.clone(),
+                    });
+                }
+                (Question::Maker(_), None) => {}
+                (Question::Scene(answer), _) => {
+                    let _ = answer.send((self.scene.clone(), self.surroundings));
+                }
+            }
         }
     }
 }
 
-fn locked(asked: &Mutex<Vec<Answer>>) -> MutexGuard<'_, Vec<Answer>> {
+/// The application's answer; `None` if there will be none.
+fn ask<T>(questions: &Mutex<Vec<Question>>, question: fn(Sender<T>) -> Question) -> Option<T> {
+    let (answer, answered) = channel();
+    locked(questions).push(question(answer));
+    answered.recv().ok()
+}
+
+fn locked(asked: &Mutex<Vec<Question>>) -> MutexGuard<'_, Vec<Question>> {
     asked.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -166,11 +193,7 @@ mod tests {
     fn nobody_waits_for_an_answer_once_the_application_is_gone() {
         let questions = Questions::default();
         let asked = Arc::clone(&questions.0);
-        let thread = std::thread::spawn(move || {
-            let (answer, answered) = channel();
-            locked(&asked).push(answer);
-            answered.recv().is_err()
-        });
+        let thread = std::thread::spawn(move || ask(&asked, Question::Maker).is_none());
         drop(questions);
         assert!(thread.join().unwrap());
     }

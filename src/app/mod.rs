@@ -17,9 +17,11 @@ use std::error::Error;
 use glam::DVec3;
 
 use crate::frame_loop::LoopError;
+use crate::gpu::ShaderLibrary;
 use crate::pose::Pose;
 use crate::renderer::Renderer;
 use crate::scene::Scene;
+use crate::settings::Settings;
 use crate::xr::input::{Button, Buttons, Hand, Input, Side};
 use crate::xr::{ActionError, ActionValues, Actions, FrameState, LocatedViews, View, XrSession};
 
@@ -58,7 +60,7 @@ pub trait App {
     /// Ends the program with exit status 1; files of the frames before are complete.
     fn update(&mut self, frame: &FrameInput, world: &mut World<'_>) -> Result<(), AppError>;
 
-    /// Called once, after the last frame, however the loop ended.
+    /// Called once, after the last frame, however the loop ended: to keep what the next start goes on with.
     fn end(&mut self, world: &mut World<'_>) {
         let _ = world;
     }
@@ -185,7 +187,7 @@ pub struct Application<'a> {
 }
 
 impl<'a> Application<'a> {
-    /// Starts it. `shows_hands`: unless it says otherwise.
+    /// Starts it. `library`: shaders of all its renderers.
     ///
     /// # Errors
     /// The application's own.
@@ -193,11 +195,13 @@ impl<'a> Application<'a> {
         app: &'a mut dyn App,
         actions: Actions,
         scene: Scene,
-        shows_hands: bool,
+        settings: &Settings,
+        library: ShaderLibrary,
     ) -> Result<Self, AppError> {
         let mut kept = Kept::new(scene, actions);
+        (kept.library, kept.limits) = (library, settings.limits.load());
         let mut world = World::new(&mut kept, None, None);
-        world.show_hands(shows_hands)?;
+        world.show_hands(settings.input.show_hands)?;
         app.start(&mut world)?;
         kept.settled();
         Ok(Self {
@@ -232,12 +236,13 @@ impl<'a> Application<'a> {
         {
             world.take_model(model);
         }
-        self.kept.answer_questions();
+        self.kept.answer_questions(Some(renderer));
         Ok(self.kept.show(renderer, frame.display_time_ns)?)
     }
 
-    pub(crate) fn end(&mut self) {
-        self.app.end(&mut World::new(&mut self.kept, None, None));
+    pub(crate) fn end(&mut self, renderer: &Renderer) {
+        self.app
+            .end(&mut World::new(&mut self.kept, Some(renderer), None));
         self.kept.asked.end();
         // With a model that has come meanwhile, and its renderer: they go before the session does.
         self.kept.hands = None;

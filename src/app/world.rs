@@ -8,9 +8,11 @@ use thiserror::Error;
 
 use super::hands::Hands;
 use super::kept::{Arrival, Kept, PartChange};
-use super::loading::{Loaded, Maker, PartLoading};
+use super::loading::{Loaded, PartLoading};
 use super::{AppError, FrameInput};
+use crate::limits::LoadBudget;
 use crate::printable::{did_you_mean, line};
+use crate::renderer::packing::check_user_bsdfs;
 use crate::renderer::{RayHit, Renderer};
 use crate::scene::edit::{Edit, EditError, NewContent, NewNode, Placement};
 use crate::scene::{Environment, Material, Node, PunctualLight, Scene, ScenePart};
@@ -50,6 +52,9 @@ pub enum WorldError {
     /// A part that cannot be loaded or prepared.
     #[error("{}", line(.0))]
     Part(String),
+    /// A material that the shaders have no model for.
+    #[error("{}", line(.0))]
+    Material(String),
     /// A clip that cannot be played so.
     #[error("clip: {}", line(.0))]
     Clip(String),
@@ -204,7 +209,8 @@ impl<'a> World<'a> {
     /// Changes a material wherever it is used.
     ///
     /// # Errors
-    /// [`WorldError::Edit`]: no such material, or a value that no material can have.
+    /// [`WorldError::Edit`]: no such material, or a value that no material can have. [`WorldError::Material`]: a BSDF that is not
+    /// installed.
     pub fn change_material(
         &mut self,
         material: usize,
@@ -212,6 +218,8 @@ impl<'a> World<'a> {
     ) -> Result<(), WorldError> {
         let mut to = entry("material", &self.kept.scene.materials, material)?.clone();
         change(&mut to);
+        check_user_bsdfs(&self.kept.library, std::slice::from_ref(&to))
+            .map_err(|error| WorldError::Material(error.to_string()))?;
         let to = Box::new(to);
         self.edit(Edit::Material { material, to })
     }
@@ -263,8 +271,7 @@ impl<'a> World<'a> {
         if let Some((name, _, time_s)) = &self.kept.clip {
             return Some((name, *time_s));
         }
-        let frame = self.frame?;
-        self.renderer?.clip_at(frame.display_time_ns)
+        self.renderer?.clip()
     }
 
     /// Lets the clip that plays stand where it is.
@@ -312,25 +319,14 @@ impl<'a> World<'a> {
 
     /// Begins to load a glTF file on another thread, which also prepares it for the renderer. Where it needs shaders that are
     /// not compiled in, the thread makes another renderer, which takes the present one's place with the part: until then both
-    /// take memory, and after it reconstruction begins anew.
+    /// take memory, and after it reconstruction begins anew. Shaders for meshes that deform are compiled in the frame that shows
+    /// them. The file may take and reach what the scene's may (`limits.*`).
     #[must_use]
     pub fn load_part(&mut self, path: impl AsRef<Path>) -> PartLoading {
-        let path = path.as_ref().to_owned();
-        self.load(move || Ok(Scene::load(&path)?))
-    }
-
-    /// Begins to load a scene and to prepare it.
-    pub(super) fn load(
-        &mut self,
-        scene: impl FnOnce() -> Result<Scene, AppError> + Send + 'static,
-    ) -> PartLoading {
-        let maker = self.renderer.zip(self.kept.library.as_ref());
-        let maker = maker.map(|(renderer, library)| Maker {
-            preparation: renderer.part_preparation(),
-            rebuild: renderer.rebuild(),
-            library: library.clone(),
-        });
-        PartLoading::begin(self.kept, scene, maker)
+        let (path, limits) = (path.as_ref().to_owned(), self.kept.limits);
+        PartLoading::begin(self.kept, move || {
+            Ok(Scene::load_within(&path, &LoadBudget::new(limits))?)
+        })
     }
 
     /// Adds what was loaded, below a new node `name`, and waits for it if it is not there yet: frames go on undisturbed if it
@@ -346,7 +342,7 @@ impl<'a> World<'a> {
         name: &str,
         world_from_part: DAffine3,
     ) -> Result<ScenePart, WorldError> {
-        let loaded = loading.end(self.kept);
+        let loaded = loading.end(self.kept, self.renderer);
         let loaded =
             loaded.ok_or_else(|| WorldError::Part("the thread that loads it ended".into()))?;
         let in_words = |error: AppError| WorldError::Part(error.to_string());

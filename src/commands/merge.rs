@@ -11,7 +11,8 @@ use crate::frame_loop::KEPT_FRAMES;
 use crate::images::write_atomically;
 use crate::limits::LoadBudget;
 use crate::options::MergeOptions;
-use crate::output::OutputFolder;
+use crate::output::{OutputFolder, take};
+use crate::printable::json_fault;
 
 /// What must be the same in all runs.
 const SAME: [&str; 8] = [
@@ -33,7 +34,8 @@ fn frames(folder: &Path) -> Result<Vec<Value>, Failure> {
     lines
         .map(|(at, line)| {
             let frame: Value = serde_json::from_str(line).map_err(|error| {
-                Failure::unusable(format!("{}:{}: {error}", path.display(), at + 1))
+                let (number, error) = (at + 1, json_fault(&error, error.column()));
+                Failure::unusable(format!("{}:{number}: {error}", path.display()))
             })?;
             match frame["frame"].as_u64() {
                 Some(_) => Ok(frame),
@@ -172,7 +174,7 @@ fn joined(runs: Vec<Value>, frames: &[Value], folders: Vec<String>) -> Result<Va
 }
 
 fn write(out: &Path, frames: &[Value], run: &Value) -> Result<(), Failure> {
-    std::fs::create_dir_all(out)
+    let _taken = take(out)
         .map_err(|error| Failure::unusable(format!("--out {}: {error}", out.display())))?;
     write_atomically(&out.join("stats.jsonl"), |file| {
         use std::io::Write as _;

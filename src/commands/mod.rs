@@ -44,7 +44,7 @@ use crate::xr::XrError;
 
 /// The whole program: flags to checked options to a command; errors to an exit status.
 pub fn main() -> ExitCode {
-    start_with(parse(std::env::args_os()), execute)
+    start_with(|| parse(std::env::args_os()), execute)
 }
 
 /// Runs an application with the flags of `stereolux run`: `defaults` as they stand on a command line, and over them those
@@ -59,19 +59,20 @@ pub fn run_app_with(
     defaults: &[&str],
     args: impl IntoIterator<Item = OsString>,
 ) -> ExitCode {
-    let options = parse_run(defaults, args);
+    let options = || parse_run(defaults, args);
     start_with(options, |options| run::run(&options, app).map(|()| 0))
 }
 
 /// Carries out what the command line asks for; errors become an exit status.
 fn start_with<T>(
-    options: Result<T, EarlyExit>,
+    options: impl FnOnce() -> Result<T, EarlyExit>,
     execute: impl FnOnce(T) -> Result<u8, Failure>,
 ) -> ExitCode {
+    // First of all: they do nothing once there is another thread, such as reads a pipe.
     disable_device_select_layer();
     quiet_openxr_loader();
     start_log();
-    let options = match options {
+    let options = match options() {
         Ok(options) => options,
         Err(exit) => {
             if exit.status == 0 {

@@ -263,7 +263,7 @@ fn render_session(
     }
     let passes = &settings.render.user_passes;
     let library = shader_library(&settings.gpu.shader_folder, passes).map_err(Failure::unusable)?;
-    let mut application = Application::start(app, actions, scene, settings.input.show_hands)
+    let mut application = Application::start(app, actions, scene, settings, library.clone())
         .map_err(Failure::unusable)?;
     let scene = &application.kept.scene;
     let aovs = settings.output.aov_list().map_err(Failure::unusable)?;

@@ -278,6 +278,7 @@ fn unknown(key: &str, raw: &Value, source: &str, place: &Place<'_>) -> OptionsEr
 
 /// The known key most like an unknown one; `section` looks among the sections' names as well.
 fn nearest(unknown: &str, section: bool) -> &'static str {
+    let unknown = &*unknown.to_lowercase();
     let score = |known: &str| {
         let whole = strsim::normalized_damerau_levenshtein(unknown, known);
         // `radius_m` should find `photon.radius_m`; a little less sure than the same words in full.

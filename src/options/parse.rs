@@ -2,6 +2,7 @@
 
 use std::error::Error as _;
 use std::ffi::OsString;
+use std::path::Path;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, CommandFactory, FromArgMatches};
@@ -90,9 +91,21 @@ pub fn parse_run(
         all.push("--session=desktop".into());
     }
     all.extend(given);
-    // The last one counts.
-    let command = command().mut_subcommand("run", |run| run.args_override_self(true));
-    match parse_with(command, all)? {
+    let name = Path::new(&all[0]).file_name().unwrap_or(&all[0]);
+    let name = name.to_string_lossy().into_owned();
+    let command = command().mut_subcommand("run", |run| {
+        // The last one counts.
+        run.args_override_self(true)
+            .about(format!("Unless told otherwise: {}", defaults.join(" ")))
+            .override_usage(format!("{name} [view] [OPTIONS]"))
+    });
+    let its_own = |exit: EarlyExit| EarlyExit {
+        text: exit
+            .text
+            .replace("`stereolux run --help`", &format!("`{name} --help`")),
+        ..exit
+    };
+    match parse_with(command, all).map_err(its_own)? {
         Options::Run(options) => Ok(*options),
         _ => Err(EarlyExit {
             text: "error: an application takes the flags of `stereolux run` and no command".into(),

@@ -461,11 +461,10 @@ impl Renderer {
         Ok(())
     }
 
-    /// Name of the clip that plays, and where in it the frame is that is shown at `display_time_ns`, seconds.
+    /// Name of the clip that plays, and where in it the scene stands, seconds.
     #[must_use]
-    pub fn clip_at(&self, display_time_ns: i64) -> Option<(&str, f64)> {
-        let player = self.player.as_ref();
-        player.map(|player| player.clip_at(display_time_ns))
+    pub fn clip(&self) -> Option<(&str, f64)> {
+        self.player.as_ref()?.clip()
     }
 
     /// Shows the surroundings that the scene has by now in place of those before, from the next frame on, and all else that

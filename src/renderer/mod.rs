@@ -224,7 +224,7 @@ impl Renderer {
             hidden,
         } = made_with;
         let settings = &settings;
-        check_user_bsdfs(library, scene)?;
+        check_user_bsdfs(library, &scene.materials)?;
         settings.check().map_err(RenderError::Settings)?;
         let edit_base = editing::EditBase::new(scene);
         let needs = part.map(|part| edit_base.needs.widened_by(part));

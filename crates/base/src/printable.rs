@@ -55,6 +55,13 @@ pub fn json(text: &str) -> String {
     clean
 }
 
+/// What is wrong with one line of JSON, and in which column of it, from what serde_json says.
+pub fn json_fault(error: impl std::fmt::Display, column: usize) -> String {
+    let text = error.to_string();
+    let reason = text.split(" at line ").next().unwrap_or_default();
+    format!("{reason} at column {column}")
+}
+
 /// Control characters (C0, DEL, C1), line separators and the marks of bidirectional text.
 fn steers(c: char) -> bool {
     c.is_control()

@@ -182,10 +182,11 @@ impl Scene {
     /// [`EditError::Gone`] if it was taken out already. Nothing is changed then.
     pub fn remove_part(&mut self, part: &ScenePart) -> Result<(), EditError> {
         let root = part.root();
-        if !self.nodes.get(root).is_some_and(|_| self.reaches(root)) {
-            let name = self.nodes.get(root).map(|node| node.name.clone());
+        // One whose root was deleted still takes its memory.
+        let is_vacant = |gone: &ScenePart| gone.nodes == part.nodes;
+        if part.nodes.end > self.nodes.len() || self.vacant.iter().any(is_vacant) {
             return Err(EditError::Gone {
-                name: name.unwrap_or_else(|| format!("node {root}")),
+                name: format!("the part at node {root}"),
             });
         }
         let below = self.subtree(root);

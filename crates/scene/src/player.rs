@@ -48,7 +48,7 @@ impl Player {
     pub fn pose_at(&mut self, display_time_ns: i64) -> ScenePose {
         self.last_ns = Some(display_time_ns);
         self.first_ns.get_or_insert(display_time_ns);
-        let (_, time_s) = self.clip_at(display_time_ns);
+        let time_s = self.clip_s(display_time_ns);
         self.skeleton.pose_at(&self.clip, time_s)
     }
 
@@ -68,12 +68,18 @@ impl Player {
         self.first_ns = Some(display_time_ns);
     }
 
-    /// Name of the clip, and where in it a frame is, seconds.
-    #[must_use]
-    pub fn clip_at(&self, display_time_ns: i64) -> (&str, f64) {
+    /// Where in the clip a frame is, seconds.
+    fn clip_s(&self, display_time_ns: i64) -> f64 {
         let first = self.first_ns.unwrap_or(display_time_ns);
         let elapsed_s = display_time_ns.wrapping_sub(first) as f64 * 1e-9;
-        (&self.clip.name, self.start_s + self.speed * elapsed_s)
+        self.start_s + self.speed * elapsed_s
+    }
+
+    /// Name of the clip, and where in it the pose is that was asked for last, seconds; `None` before the first.
+    #[must_use]
+    pub fn clip(&self) -> Option<(&str, f64)> {
+        let time_ns = self.last_ns?;
+        Some((&self.clip.name, self.clip_s(time_ns)))
     }
 
     /// The pose that was asked for last; `None` before the first.

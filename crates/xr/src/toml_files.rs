@@ -29,6 +29,10 @@ pub(super) fn parsed<T: serde::de::DeserializeOwned>(
     toml::from_str(text).map_err(|error| {
         let what = error.message().replace('\n', " ");
         match error.span() {
+            // Of the whole file.
+            Some(span) if span.start == 0 && what.starts_with("missing field") => {
+                InputError::file(file, what)
+            }
             Some(span) => {
                 let (line, field) = locate(text, span.start);
                 InputError {

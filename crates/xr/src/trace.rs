@@ -27,6 +27,7 @@ use serde_json::{Map, Value};
 use std::fs::File;
 use std::io::{BufRead, Read as _};
 use std::path::Path;
+use stereolux_base::printable::json_fault;
 
 /// The header's `format`.
 pub const FORMAT: &str = "stereolux-trace";
@@ -201,11 +202,24 @@ fn object(file: &str, line: &Line) -> Result<Map<String, Value>, Broken> {
             cut_short: false,
         }),
         Err(error) => {
-            let reason = error.to_string();
-            let reason = reason.split(" at line ").next().unwrap_or_default();
-            let what = format!("is not JSON: {reason} at column {}", error.column());
+            let what = format!("is not JSON: {}", json_fault(&error, error.column()));
+            // A number that cannot be belongs to what stands before the last colon, as in `"gaze":[0,NaN`.
+            let is_value = ["expected value", "number out of range"]
+                .iter()
+                .any(|of| what.contains(of));
+            let read = line
+                .text
+                .get(..error.column())
+                .filter(|_| is_value)
+                .unwrap_or_default();
+            let keys = read
+                .rsplit_once("\":")
+                .and_then(|(keys, _)| keys.rsplit_once('"'));
             Err(Broken {
-                error: InputError::line(file, line.number, what),
+                error: InputError {
+                    field: keys.map(|(_, key)| key.to_owned()),
+                    ..InputError::line(file, line.number, what)
+                },
                 cut_short: error.is_eof(),
             })
         }

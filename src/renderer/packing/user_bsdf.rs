@@ -9,7 +9,7 @@
 use std::fmt::Write as _;
 
 use crate::gpu::shaders::ShaderLibrary;
-use crate::scene::{Material, Scene};
+use crate::scene::Material;
 
 use super::PackError;
 
@@ -92,18 +92,18 @@ pub fn install_user_bsdfs(
     Ok(())
 }
 
-/// Checks that `library` holds the BSDFs of all materials in `scene`: the shaders' switch has no other answer to a number
-/// without a model than black.
+/// Checks that `library` holds the BSDFs of all `materials`: the shaders' switch has no other answer to a number without a
+/// model than black.
 ///
 /// # Errors
 /// [`PackError::UserBsdfMissing`] names the first material whose BSDF is not there.
-pub fn check_user_bsdfs(library: &ShaderLibrary, scene: &Scene) -> Result<(), PackError> {
+pub fn check_user_bsdfs(library: &ShaderLibrary, materials: &[Material]) -> Result<(), PackError> {
     let installed = library
         .sources()
         .filter(|(name, _)| name.starts_with(FOLDER))
         .count() as u32;
     let beyond = |material: &&Material| material.user_bsdf > installed;
-    match scene.materials.iter().find(beyond) {
+    match materials.iter().find(beyond) {
         Some(material) => Err(PackError::UserBsdfMissing {
             material: material.name.clone(),
             number: material.user_bsdf,

@@ -381,56 +381,63 @@ fn an_application_ends_its_run_and_its_errors_end_it_too() {
     }
 }
 
-/// A file is loaded, added in frame 1 and taken out in frame 3. Glass is not compiled in for the box: it shows one frame later.
-/// Frames are those of a file that was loaded before there was a renderer for which to prepare it.
+/// A file that is loaded, added in frame 1 and taken out in frame 3.
+#[derive(Default)]
+struct Comes {
+    file: &'static str,
+    is_early: bool,
+    loading: Option<PartLoading>,
+    part: Option<ScenePart>,
+}
+
+impl App for Comes {
+    fn start(&mut self, world: &mut World) -> Result<(), AppError> {
+        self.loading = self.is_early.then(|| world.load_part(self.file));
+        Ok(())
+    }
+
+    fn update(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
+        let at = DAffine3::from_scale(DVec3::splat(0.2));
+        match frame.frame {
+            0 if !self.is_early => {
+                self.loading = Some(world.load_part(self.file));
+                let missing = world.load_part("no such file.gltf");
+                let error = world.add_part(missing, "missing", at).unwrap_err();
+                assert_eq!(error.to_string().lines().count(), 1);
+                // Time enough to ask for the scene as it is before it changes.
+                std::thread::sleep(std::time::Duration::from_millis(200));
+            }
+            1 => {
+                let wall = world.material("white")?;
+                world.change_material(wall, |white| white.base_color[1] = 0.2)?;
+                let loading = self.loading.take().unwrap();
+                let part = world.add_part(loading, "guest", at)?;
+                assert_eq!(world.node("guest")?, part.root());
+                self.part = Some(part);
+            }
+            3 => {
+                let wall = world.material("white")?;
+                let green = Scene::builtin("cornell")?.materials[wall].base_color[1];
+                world.change_material(wall, |white| white.base_color[1] = green)?;
+                let part = self.part.take().unwrap();
+                if self.is_early {
+                    // Its memory is still there to be given back.
+                    world.remove(part.root())?;
+                }
+                world.remove_part(&part)?;
+                assert!(world.remove_part(&part).is_err());
+                assert!(world.node("guest").is_err());
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// Glass is not compiled in for the box: it shows one frame later. Frames are those of a file that was loaded before there was a
+/// renderer for which to prepare it.
 #[test]
 fn a_file_is_loaded_on_a_thread_and_comes_and_goes() {
-    #[derive(Default)]
-    struct Comes {
-        file: &'static str,
-        is_early: bool,
-        loading: Option<PartLoading>,
-        part: Option<ScenePart>,
-    }
-    impl App for Comes {
-        fn start(&mut self, world: &mut World) -> Result<(), AppError> {
-            self.loading = self.is_early.then(|| world.load_part(self.file));
-            Ok(())
-        }
-
-        fn update(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
-            let at = DAffine3::from_scale(DVec3::splat(0.2));
-            match frame.frame {
-                0 if !self.is_early => {
-                    self.loading = Some(world.load_part(self.file));
-                    let missing = world.load_part("no such file.gltf");
-                    let error = world.add_part(missing, "missing", at).unwrap_err();
-                    assert_eq!(error.to_string().lines().count(), 1);
-                    // Time enough to ask for the scene as it is before it changes.
-                    std::thread::sleep(std::time::Duration::from_millis(200));
-                }
-                1 => {
-                    let wall = world.material("white")?;
-                    world.change_material(wall, |white| white.base_color[1] = 0.2)?;
-                    let loading = self.loading.take().unwrap();
-                    let part = world.add_part(loading, "guest", at)?;
-                    assert_eq!(world.node("guest")?, part.root());
-                    self.part = Some(part);
-                }
-                3 => {
-                    let wall = world.material("white")?;
-                    let green = Scene::builtin("cornell")?.materials[wall].base_color[1];
-                    world.change_material(wall, |white| white.base_color[1] = green)?;
-                    let part = self.part.take().unwrap();
-                    world.remove_part(&part)?;
-                    assert!(world.remove_part(&part).is_err());
-                    assert!(world.node("guest").is_err());
-                }
-                _ => {}
-            }
-            Ok(())
-        }
-    }
     let folder = support::Folder::new("part_application");
     for (file, changes) in [
         ("assets/template/scene.gltf", [false, true, true, false]),
@@ -448,6 +455,48 @@ fn a_file_is_loaded_on_a_thread_and_comes_and_goes() {
         // What a renderer was made with goes with it, one frame later.
         assert_eq!([0, 1, 2].map(same), [true; 3], "{file}");
     }
+}
+
+/// With filters, which ask where points were before: the scene has nothing yet that deforms.
+#[test]
+fn a_file_whose_meshes_deform_comes_to_a_scene_that_stands() {
+    let folder = support::Folder::new("part_deforms");
+    let run = |app: &mut dyn App, name: &str| {
+        let out = folder.join(name);
+        let still = ["--scene=builtin:cornell", "--frames=4", EVERY_FRAME];
+        assert_eq!(run(app, &still, &out, &[]), ExitCode::SUCCESS);
+        [1, 2].map(|frame| left(&out, frame))
+    };
+    let file = "assets/parade.glb";
+    let [late, early] = [false, true].map(|is_early| {
+        let mut app = Comes {
+            file,
+            is_early,
+            ..Comes::default()
+        };
+        run(&mut app, if is_early { "early" } else { "late" })
+    });
+    assert!(late == early);
+    let without = run(&mut nothing(), "without");
+    assert!(strays(&late[1], &without[1], 1e-4) > 0);
+}
+
+/// What a scene may take and reach goes for parts as well.
+#[test]
+fn a_part_is_loaded_within_the_runs_limits() {
+    let folder = support::Folder::new("part_limits");
+    let mut app = Changes(|_, world| {
+        let loading = world.load_part("assets/gallery.glb");
+        let error = world.add_part(loading, "guest", DAffine3::IDENTITY);
+        let error = error.unwrap_err().to_string();
+        assert_says(&error, &["gallery.glb", "limits.load_memory"]);
+        Ok(())
+    });
+    let little = ["--frames=1", "--set=limits.load_memory=0.001"];
+    assert_eq!(
+        run_still(&mut app, folder.path(), &little),
+        ExitCode::SUCCESS
+    );
 }
 
 /// Instances that come and go, nodes that are hidden, edits that cannot be.
@@ -473,6 +522,12 @@ fn the_world_changes_by_name_and_refuses_what_cannot_be() {
                 let not_finite = DAffine3::from_translation(DVec3::NAN);
                 assert!(world.place(block, not_finite).is_err());
                 assert!(world.edit(Edit::Delete { node: 999 }).is_err());
+                let wall = world.material("white")?;
+                let unknown = world.change_material(wall, |white| white.user_bsdf = 7);
+                assert_says(
+                    &unknown.unwrap_err().to_string(),
+                    &["white", "BSDF number 7"],
+                );
             }
             _ => {}
         }
@@ -501,7 +556,9 @@ impl App for Ending {
         }
     }
 
-    fn end(&mut self, _: &mut World) {
+    fn end(&mut self, world: &mut World) {
+        // What an application keeps for its next start.
+        assert!(world.quality().is_ok());
         self.ends += 1;
     }
 }

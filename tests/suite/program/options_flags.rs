@@ -340,3 +340,21 @@ fn help_is_there_for_every_command_and_names_the_list_of_settings() {
     }
     assert!(help(&["--version"]).starts_with("stereolux "));
 }
+
+#[test]
+fn an_application_has_a_help_of_its_own() {
+    let exit = |flag: &str| {
+        let args = ["/somewhere/mine", flag].map(OsString::from);
+        options::parse_run(&["--scene=room.glb"], args).expect_err(flag)
+    };
+    let help = exit("--help");
+    assert_eq!(help.status, 0);
+    assert_says(&help.text, &["mine [view] [OPTIONS]", "--scene=room.glb"]);
+    let refused = exit("--scnee=x");
+    assert_eq!(refused.status, 2);
+    assert!(
+        refused.text.ends_with("see `mine --help`"),
+        "{}",
+        refused.text
+    );
+}

@@ -212,6 +212,7 @@ fn unknown_keys_find_their_nearest() {
         ("photon.radius", "photon.radius_m"),
         ("radius_m", "photon.radius_m"),
         ("Method", "method"),
+        ("SPP", "spp"),
         ("max_deph", "path.max_depth"),
         ("force.gloss", "force.glossy"),
         ("output.exposur", "output.exposure"),

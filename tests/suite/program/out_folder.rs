@@ -91,6 +91,22 @@ fn a_run_that_is_refused_takes_nothing_away() {
 }
 
 /// A frame of so many samples takes long, and nobody waits for its end.
+/// A link to somebody else's file, in place of the statistics.
+#[cfg(unix)]
+#[test]
+fn nothing_is_written_through_a_link() {
+    let folder = Folder::new("linked-statistics");
+    folder.write("precious", "precious");
+    std::fs::create_dir_all(folder.join("out")).unwrap();
+    let link = folder.join("out/stats.jsonl");
+    std::os::unix::fs::symlink(folder.join("precious"), link).unwrap();
+    let output = run(&folder, "1", &[]);
+    assert_eq!(output.status.code(), Some(2), "{output:?}");
+    assert_says(&stderr(&output), &["error: --out", "stats.jsonl"]);
+    let kept = std::fs::read_to_string(folder.join("precious")).unwrap();
+    assert_eq!(kept, "precious");
+}
+
 #[test]
 fn a_frame_is_broken_off_between_its_samples() {
     let folder = Folder::new("broken-off");

@@ -15,7 +15,9 @@ use super::support::{
 };
 use crate::suite::bvh::deforming::torn;
 use crate::suite::frame::layout::changed;
-use crate::suite::transport::hard_support::{add, add_sun, constant_environment, quad, tiles};
+use crate::suite::transport::hard_support::{
+    add, add_point_light, add_sun, constant_environment, quad, tiles,
+};
 
 const SIZE: usize = 32;
 /// Blocks along a side.
@@ -77,6 +79,22 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
     let grazing = DQuat::from_rotation_x(-1.4);
     let waves = |x: u32, _| [if x % 8 < 4 { 168 } else { 88 }, 128, 248, 255];
     let (bumpy, head) = sheet(bumps, grazing, waves);
+    // Shading normals that the eyes see from the front and from behind, the left one of the strip between more.
+    let varnish = Material {
+        roughness: 0.6,
+        specular: 1.0,
+        ..white.clone()
+    };
+    let leaning = [&white, &varnish].map(|material| {
+        let (mut scene, _) = sheet(material.clone(), upright, |_, _| [255; 4]);
+        let lean = DQuat::from_rotation_y(88_f64.to_radians()) * DVec3::Z;
+        let mesh = scene.meshes.last_mut().unwrap();
+        mesh.normals.fill(lean.as_vec3().to_array());
+        let beside = head.position + DVec3::new(0.5, 0.0, -0.4);
+        add_point_light(&mut scene, beside, 2.0);
+        scene
+    });
+    let [leaning, leaning_varnish] = leaning;
     let holes = Material {
         base_color_texture: texture,
         alpha_mode: AlphaMode::Mask { cutoff: 0.5 },
@@ -122,6 +140,8 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
     vec![
         ("canted", plain, canted),
         ("bumps", bumpy, views(head)),
+        ("leaning", leaning, views(head)),
+        ("leaning varnish", leaning_varnish, views(head)),
         ("holes", holed, views(head)),
         ("veil", veiled, views(head)),
         ("gauze", gauzy, views(head)),
@@ -213,27 +233,36 @@ fn what_is_taken_over_has_the_mean_of_what_would_be_traced() {
     }
 }
 
-/// Negative control of the case under a sky: what the left eye's surfaces found there is not carried over.
+/// Negative controls: what the left eye's surfaces found under a sky is not carried over, and what it saw from behind their normals
+/// counts as light that is none.
 #[test]
-fn a_sky_that_surfaces_found_and_that_is_not_carried_is_noticed() {
-    let case = cases().into_iter().find(|case| case.0 == "sky").unwrap();
-    for (by, module, carries) in [
+fn what_is_not_carried_and_what_is_none_is_noticed() {
+    for (name, by, module, carries) in [
         (
+            "leaning",
+            Method::Path,
+            "shared/carrying",
+            "found.kind = 0u;",
+        ),
+        (
+            "sky",
             Method::Photon,
             "passes/direct_light",
             "by_surface = radiance * (weight / bounce.pdf);",
         ),
         (
+            "sky",
             Method::Path,
             "passes/path_trace",
             "note_emitted(path, radiance * weight);",
         ),
     ] {
+        let case = cases().into_iter().find(|case| case.0 == name).unwrap();
         let library = changed(module, carries, "");
         let [native, found] =
             [Reuse::Off, Reuse::Lookup].map(|reuse| means(&library, by, reuse, &case).0[1].clone());
         let whole = [&found, &native].map(|means| means[BLOCKS * BLOCKS].0);
-        eprintln!("{by:?} without {module}'s part: {whole:?}");
-        assert!(!are_alike(&found, &native), "{by:?}");
+        eprintln!("{name}, {by:?} without {module}'s part: {whole:?}");
+        assert!(!are_alike(&found, &native), "{name}, {by:?}");
     }
 }

@@ -151,7 +151,7 @@ fn edited(from: &str, to: &str) -> (usize, String, String) {
     assert_eq!(error.file, "my.toml");
     assert!(!error.to_string().contains('\n'), "{error}");
     (
-        error.line.unwrap(),
+        error.line.unwrap_or_default(),
         error.field.clone().unwrap_or_default(),
         error.to_string(),
     )
@@ -185,7 +185,9 @@ fn faults_name_line_and_field() {
     assert_eq!((line, field.as_str()), (12, "left.offset_m"), "{text}");
     let (line, _, text) = edited("size = [512, 512]", "size = [512, 512");
     assert!((5..=6).contains(&line), "{text}");
-    let (_, _, text) = edited("ipd_m = 0.063\n", "");
+    // What is not there lies nowhere.
+    let (line, field, text) = edited("ipd_m = 0.063\n", "");
+    assert_eq!((line, field.as_str()), (0, ""), "{text}");
     assert!(text.contains("ipd_m"), "{text}");
 }
 

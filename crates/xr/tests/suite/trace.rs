@@ -150,7 +150,7 @@ fn header_faults() {
 
 #[test]
 fn frame_faults_name_line_and_field() {
-    // Where no field is named it is not JSON.
+    // Where no field is named, or one without its path, it is not JSON.
     for [from, to, field, remark] in cases(
         r#"
         "t_ns":0 | "t_ns":0.5 | t_ns | -
@@ -173,8 +173,8 @@ fn frame_faults_name_line_and_field() {
         "orientation_valid":true | "orientation_valid":false | flags.orientation_valid | -
         "orientation_valid":true | "orientation_valid":1 | flags.orientation_valid | -
         "flags" | "flag" | flag | -
-        [0.03,1.6,0.0] | [NaN,1.6,0.0] | - | -
-        [0.03,1.6,0.0] | [1e999,1.6,0.0] | - | -
+        [0.03,1.6,0.0] | [NaN,1.6,0.0] | position | -
+        [0.03,1.6,0.0] | [1e999,1.6,0.0] | position | -
         "views":[ | "views": | - | -
         "#,
     ) {
