@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 
 use super::Renderer;
 use super::features::light_candidates;
-use super::radii::progressive_radius_m;
+use super::radii::{most_correction, progressive_radius_m};
 use super::reconstruction::{pack_offset, pixel_offset};
 use crate::renderer::records::frame::{
     Eye as EyeUniform, FRAME_ADAPTIVE_CAUSTIC_RADIUS, FRAME_ADAPTIVE_RADIUS, FRAME_DIRECT_FROM_MAP,
@@ -82,6 +82,8 @@ impl Renderer {
             nearest_photons: settings.photon.nearest,
             light_candidates: light_candidates(self.scene.light_count(), self.features(), settings),
             pixel_offset: 0,
+            most_correction: most_correction(self.progressive_pass) as f32,
+            padding: [0; 3],
         }
     }
 

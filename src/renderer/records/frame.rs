@@ -70,6 +70,10 @@ shared_record! {
         /// Where in every pixel a frame's only sample lies, from the pixel's centre, in pixels (two snorm of 16 bits), if it is
         /// offset there; 0 otherwise.
         pub pixel_offset: u32,
+        /// Most that shading normals raise a photon's power by.
+        pub most_correction: f32,
+        /// Unused.
+        pub padding: [u32; 3],
     }
 }
 

@@ -9,7 +9,7 @@ use stereolux_gpu::Resources;
 use crate::adapter::context;
 use crate::trace_probe::{ask, probe};
 
-/// `MOST_CORRECTION` of `shaders/shared/surface.wesl`.
+/// As a single map has it; the probe's, too.
 const MOST: f64 = 8.0;
 
 #[repr(C)]
