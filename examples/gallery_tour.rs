@@ -59,7 +59,7 @@ impl Tour {
         };
         let world_from_grip = grip.pose.affine();
         if frame.action_pressed("take")?
-            && let Some(hit) = world.cast_ray(origin, direction, REACH_M)
+            && let Some(hit) = world.cast_ray(origin, direction, REACH_M, &[])
             && let Some(thing) = hit.node.filter(|node| self.things.contains(node))
         {
             let grip_from_thing = world_from_grip.inverse() * world.world_from_node(thing)?;
@@ -118,10 +118,10 @@ impl Tour {
     }
 }
 
-/// Takes the wearer to where an arc from the right hand comes down, if one can stand there.
-fn teleport(frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
+/// Takes the wearer to where an arc from the right hand, past what that holds, comes down, if one can stand there.
+fn teleport(frame: &FrameInput, world: &mut World, held: &[usize]) -> Result<(), AppError> {
     if let Some((origin, direction)) = frame.aim(Side::Right)
-        && let Some(landing) = world.cast_arc(origin, THROW_M_PER_S * direction)
+        && let Some(landing) = world.cast_arc(origin, THROW_M_PER_S * direction, held)
         && landing.normal_in_world.y > 0.7
     {
         let way = landing.point_in_world - frame.head().position;
@@ -166,7 +166,8 @@ impl App for Tour {
     fn update(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
         self.carry(frame, world)?;
         if frame.action_pressed("teleport")? {
-            teleport(frame, world)?;
+            let held: Vec<usize> = self.held.iter().map(|(thing, _)| *thing).collect();
+            teleport(frame, world, &held)?;
         }
         let is_clicked = self.show_figures(frame, world)?;
         if is_clicked || frame.action_pressed("day_and_night")? {

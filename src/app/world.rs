@@ -324,9 +324,16 @@ impl<'a> World<'a> {
     #[must_use]
     pub fn load_part(&mut self, path: impl AsRef<Path>) -> PartLoading {
         let (path, limits) = (path.as_ref().to_owned(), self.kept.limits);
-        PartLoading::begin(self.kept, move || {
-            Ok(Scene::load_within(&path, &LoadBudget::new(limits))?)
-        })
+        self.make_part(move || Ok(Scene::load_within(&path, &LoadBudget::new(limits))?))
+    }
+
+    /// As [`World::load_part`], of a scene that `make` makes on that thread: in code, or from wherever it is kept.
+    #[must_use]
+    pub fn make_part(
+        &mut self,
+        make: impl FnOnce() -> Result<Scene, AppError> + Send + 'static,
+    ) -> PartLoading {
+        PartLoading::begin(self.kept, make)
     }
 
     /// Adds what was loaded, below a new node `name`, and waits for it if it is not there yet: frames go on undisturbed if it
@@ -404,26 +411,44 @@ impl<'a> World<'a> {
         hands.flat_map(Hands::parts).map(list).collect()
     }
 
-    /// What a ray meets first within `max_distance_m` (may be infinite), from either side: what does a hand point at? The
+    /// The wearer's hands, and `nodes` with all below them.
+    fn passed(&self, nodes: &[usize]) -> Vec<Range<usize>> {
+        let mut passed = self.of_hands(|part| part.nodes.clone());
+        for node in nodes {
+            let below = self.kept.scene.subtree(*node).into_iter().enumerate();
+            passed.extend(below.filter(|below| below.1).map(|(at, _)| at..at + 1));
+        }
+        passed
+    }
+
+    /// What a ray meets first within `max_distance_m` (may be infinite), from either side: what does a hand point at? It goes
+    /// through the wearer's own hands, and through the nodes `past` with all below them: what a hand holds. The
     /// scene's animation is that of the frame under way, what the application changed in this frame does not count yet.
-    /// Nothing is met in [`super::App::start`], and the wearer's own hands never are. As [`Renderer::cast_ray`].
+    /// Nothing is met in [`super::App::start`]. As [`Renderer::cast_ray`].
     #[must_use]
     pub fn cast_ray(
         &self,
         origin_in_world: DVec3,
         direction: DVec3,
         max_distance_m: f64,
+        past: &[usize],
     ) -> Option<RayHit> {
-        let hands = self.of_hands(|part| part.nodes.clone());
+        let past = self.passed(past);
         self.renderer?
-            .cast_ray_past(&hands, origin_in_world, direction, max_distance_m)
+            .cast_ray_past(&past, origin_in_world, direction, max_distance_m)
     }
 
     /// Where something lands that is thrown from a hand: what a parabola meets first that leaves `origin_in_world` with this
     /// velocity and falls for two seconds; its `distance_m` is along the way. A place to teleport to
     /// ([`World::move_wearer`]), if its normal points up. Otherwise as [`World::cast_ray`].
     #[must_use]
-    pub fn cast_arc(&self, origin_in_world: DVec3, velocity_m_per_s: DVec3) -> Option<RayHit> {
+    pub fn cast_arc(
+        &self,
+        origin_in_world: DVec3,
+        velocity_m_per_s: DVec3,
+        past: &[usize],
+    ) -> Option<RayHit> {
+        let (renderer, past) = (self.renderer?, self.passed(past));
         let at = |step: u32| {
             let seconds = f64::from(step) * ARC_S / f64::from(ARC_STEPS);
             let fallen_m = 0.5 * GRAVITY_M_PER_S2 * seconds * seconds;
@@ -433,7 +458,7 @@ impl<'a> World<'a> {
         for step in 0..ARC_STEPS {
             let (from, to) = (at(step), at(step + 1));
             let length_m = from.distance(to);
-            if let Some(mut hit) = self.cast_ray(from, to - from, length_m) {
+            if let Some(mut hit) = renderer.cast_ray_past(&past, from, to - from, length_m) {
                 hit.distance_m += way_m;
                 return Some(hit);
             }

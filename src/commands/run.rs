@@ -9,7 +9,7 @@ use super::source::{Source, desktop_source, source};
 use super::{Failure, load_scene, report};
 use crate::app::{App, Application, SceneAlone};
 use crate::frame::user_passes::shader_library;
-use crate::frame_loop::{self, LoopOptions, Outcome, inspection};
+use crate::frame_loop::{self, LoopError, LoopOptions, Outcome, inspection};
 use crate::gpu::GpuContext;
 use crate::interrupt;
 use crate::mirror::{Mirror, MirrorWindow};
@@ -264,7 +264,7 @@ fn render_session(
     let passes = &settings.render.user_passes;
     let library = shader_library(&settings.gpu.shader_folder, passes).map_err(Failure::unusable)?;
     let mut application = Application::start(app, actions, scene, settings, library.clone())
-        .map_err(Failure::unusable)?;
+        .map_err(|error| Failure::unusable(LoopError::App(error)))?;
     let scene = &application.kept.scene;
     let aovs = settings.output.aov_list().map_err(Failure::unusable)?;
     let mut render = settings.render.clone();

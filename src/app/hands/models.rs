@@ -51,7 +51,7 @@ impl World<'_> {
 
     /// Begins to load a model.
     pub(in crate::app) fn take_model(&mut self, ControllerModel { side, glb }: ControllerModel) {
-        let loading = PartLoading::begin(self.kept, move || read(side, &glb));
+        let loading = self.make_part(move || read(side, &glb));
         if let Some(hands) = self.kept.hands.as_mut() {
             hands.models.coming = Some(Coming {
                 side,

@@ -105,8 +105,10 @@ impl App for Shows {
         world.show_hands(frame.frame >= self.0)?;
         // From within the hand through its fingers.
         let (origin, direction) = frame.aim(Side::Right).unwrap();
-        let met = world.cast_ray(origin, direction, f64::INFINITY).unwrap();
-        assert_eq!(met.node, Some(world.node("ceiling")?));
+        let met = |past: &[usize]| world.cast_ray(origin, direction, f64::INFINITY, past);
+        let ceiling = world.node("ceiling")?;
+        assert_eq!(met(&[]).unwrap().node, Some(ceiling));
+        assert!(met(&[ceiling]).is_none_or(|beyond| beyond.node != Some(ceiling)));
         Ok(())
     }
 }

@@ -309,7 +309,7 @@ impl World<'_> {
         let met = |side: Side| {
             let (origin, direction) = frame.aim(side)?;
             let (at, distance_m) = known.meets(panel_from_world, origin, direction)?;
-            let hit = self.cast_ray(origin, direction, distance_m - BEFORE_M);
+            let hit = self.cast_ray(origin, direction, distance_m - BEFORE_M, &[]);
             hit.is_none().then_some(at)
         };
         let is_held = |side: Side| frame.hand(side).pressed.has(Button::Trigger);

@@ -381,7 +381,7 @@ fn an_application_ends_its_run_and_its_errors_end_it_too() {
     }
 }
 
-/// A file that is loaded, added in frame 1 and taken out in frame 3.
+/// A file that is loaded, or a scene that is made, added in frame 1 and taken out in frame 3.
 #[derive(Default)]
 struct Comes {
     file: &'static str,
@@ -390,9 +390,18 @@ struct Comes {
     part: Option<ScenePart>,
 }
 
+impl Comes {
+    fn begin(&self, world: &mut World) -> PartLoading {
+        match self.file.strip_prefix("builtin:") {
+            Some(name) => world.make_part(move || Ok(Scene::builtin(name)?)),
+            None => world.load_part(self.file),
+        }
+    }
+}
+
 impl App for Comes {
     fn start(&mut self, world: &mut World) -> Result<(), AppError> {
-        self.loading = self.is_early.then(|| world.load_part(self.file));
+        self.loading = self.is_early.then(|| self.begin(world));
         Ok(())
     }
 
@@ -400,7 +409,7 @@ impl App for Comes {
         let at = DAffine3::from_scale(DVec3::splat(0.2));
         match frame.frame {
             0 if !self.is_early => {
-                self.loading = Some(world.load_part(self.file));
+                self.loading = Some(self.begin(world));
                 let missing = world.load_part("no such file.gltf");
                 let error = world.add_part(missing, "missing", at).unwrap_err();
                 assert_eq!(error.to_string().lines().count(), 1);
@@ -441,6 +450,8 @@ fn a_file_is_loaded_on_a_thread_and_comes_and_goes() {
     let folder = support::Folder::new("part_application");
     for (file, changes) in [
         ("assets/template/scene.gltf", [false, true, true, false]),
+        // Its point light is not compiled in either.
+        ("builtin:sphere", [false, false, true, false]),
         ("assets/caustic.glb", [false, false, true, false]),
     ] {
         let comes = |is_early| Comes {

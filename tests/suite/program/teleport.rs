@@ -27,10 +27,13 @@ impl App for Teleports {
         assert!(world.move_wearer(DVec3::NAN).is_err());
         if frame.frame == 1 {
             let velocity = DVec3::new(SPEED_M_PER_S, 0.0, 0.0);
-            assert!(world.cast_arc(head, DVec3::NAN).is_none());
+            assert!(world.cast_arc(head, DVec3::NAN, &[]).is_none());
             let hit = world
-                .cast_arc(head, velocity)
+                .cast_arc(head, velocity, &[])
                 .ok_or("the arc meets nothing")?;
+            let floor = hit.node.ok_or("the floor is no node")?;
+            let beyond = world.cast_arc(head, velocity, &[floor]);
+            assert!(beyond.is_none_or(|beyond| beyond.node != Some(floor)));
             assert!(hit.normal_in_world.y > 0.99);
             assert!(hit.distance_m > head.distance(hit.point_in_world));
             self.landing = Some(hit.point_in_world);
