@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::frames_in_flight::Flight;
 use super::{FrameResult, MapKind, PhotonMap, RenderError, Renderer, Stage};
-use crate::frame::{GatherSlices, Only, Play, SAMPLES_PER_SUBMISSION};
+use crate::frame::{GatherSlices, Only, Play};
 use crate::gpu::{FrameRecorder, GpuError, PassTimes, Submission};
 use crate::renderer::records::frame::Frame;
 use crate::settings::{Loads, PhotonEstimate, Search};
@@ -163,10 +163,12 @@ impl Renderer {
         self.update_hidden(views);
         let samples = self.settings.spp;
         let progressive = self.is_progressive();
-        let per_submission = if progressive {
-            1
-        } else {
-            SAMPLES_PER_SUBMISSION
+        let pixels = self.image.pixels();
+        flight.eye_paths = pixels * u64::from(samples.max(1));
+        let limits = self.work_limits;
+        let per_submission = match progressive {
+            true => 1,
+            false => limits.samples(&self.settings, pixels, self.pixel_ms),
         };
         let mut first = 0;
         while first < samples {
@@ -261,21 +263,13 @@ impl Renderer {
         }
         let eyes = [Stage::Left, right, Stage::Reconstruct];
         let longest: usize = eyes.map(|stage| self.frame.length(stage)).iter().sum();
-        let [width, height] = self.image.size.map(u64::from);
-        let submission = self
-            .work_limits
-            .samples(&self.settings, width * height, self.pixel_ms);
-        flight.eye_paths = width * height * u64::from(self.settings.spp.max(1));
-        let mut recorded = 0;
         while how.sample < count {
-            if recorder.room() < longest || recorded == submission {
+            if recorder.room() < longest {
                 let full = std::mem::replace(&mut recorder, new_recorder());
                 flight.tickets.push(full.send("frame")?);
-                recorded = 0;
             }
             self.frame.play(&mut recorder, Stage::Left, &how)?;
             self.frame.play(&mut recorder, right, &how)?;
-            recorded += 1;
             how.sample += 1;
         }
         if is_last {

@@ -220,9 +220,9 @@ fn images_are_the_same_whatever_a_submission_may_take() {
             }
             (cuts, both(&renderer))
         };
-        let (whole, expected) = run(WorkLimits::NONE);
+        let (whole, expected) = run(WorkLimits::SOFTWARE);
         assert_eq!(whole, [1, 1]);
-        let [mut split, mut slow] = [WorkLimits::NONE; 2];
+        let [mut split, mut slow] = [WorkLimits::SOFTWARE; 2];
         split.submission_rays = 1.0;
         slow.submission_ms = 0.0;
         for (limits, wanted) in [
