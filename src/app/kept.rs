@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use glam::DVec3;
 
 use super::hands::Hands;
-use super::loading::{Questions, Successor};
+use super::loading::{Maker, Questions, Successor};
 use crate::gpu::ShaderLibrary;
 use crate::limits::LoadLimits;
 use crate::renderer::{Applied, PreparedPart, RenderError, Renderer};
@@ -46,6 +46,8 @@ pub(crate) struct Kept {
     pub(super) limits: LoadLimits,
     /// What threads that load parts ask for.
     pub(super) asked: Questions,
+    /// For parts that began to be loaded before there was a renderer.
+    pub(super) first_maker: Option<Maker>,
     /// How often the surroundings were replaced.
     pub(super) surroundings: u32,
     /// The surroundings are others.

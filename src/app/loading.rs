@@ -52,7 +52,8 @@ impl Successor {
 
 /// What a thread waits for.
 enum Question {
-    /// How to prepare its part, once there is a renderer to prepare it for.
+    /// How to prepare a part that began to be loaded before there was a renderer: for the first one, whatever took its place
+    /// since, so that a replay has the same frames.
     Maker(Sender<Maker>),
     /// The scene as it is, with [`Kept::surroundings`], for another renderer. Only what lacks shaders asks for it: copying a
     /// large scene takes a frame's time.
@@ -85,23 +86,35 @@ impl Drop for Questions {
 }
 
 /// What a thread needs to prepare a part for a renderer.
-struct Maker {
+#[derive(Clone)]
+pub(super) struct Maker {
     preparation: PartPreparation,
     rebuild: Rebuild,
     library: ShaderLibrary,
+}
+
+impl Maker {
+    pub(super) fn of(renderer: &Renderer, library: &ShaderLibrary) -> Self {
+        Self {
+            preparation: renderer.part_preparation(),
+            rebuild: renderer.rebuild(),
+            library: library.clone(),
+        }
+    }
 }
 
 impl PartLoading {
     pub(super) fn begin(
         kept: &Kept,
         load: impl FnOnce() -> Result<Scene, AppError> + Send + 'static,
+        maker: Option<Maker>,
     ) -> Self {
         let running = Arc::clone(&kept.asked.0);
         let asked = Arc::clone(&kept.asked.0);
         let make = move || {
             let scene = load()?;
             // Nobody answers where it is added before there is a renderer, or once the run is over.
-            let Some(maker) = ask(&asked, Question::Maker) else {
+            let Some(maker) = maker.or_else(|| ask(&asked, Question::Maker)) else {
                 return Ok(scene.into());
             };
             let needs = Needs::of(&scene);
@@ -141,7 +154,7 @@ impl PartLoading {
     /// Waits for the thread; `None` if it fell over.
     pub(super) fn end(
         self,
-        kept: &Kept,
+        kept: &mut Kept,
         renderer: Option<&Renderer>,
     ) -> Option<Result<Loaded, AppError>> {
         while !self.0.is_finished() {
@@ -154,16 +167,15 @@ impl PartLoading {
 
 impl Kept {
     /// Answers threads that ask. What a part is prepared for nobody knows before there is a renderer.
-    pub(super) fn answer_questions(&self, renderer: Option<&Renderer>) {
+    pub(super) fn answer_questions(&mut self, renderer: Option<&Renderer>) {
+        if self.first_maker.is_none() && Arc::strong_count(&self.asked.0) > 1 {
+            self.first_maker = renderer.map(|renderer| Maker::of(renderer, &self.library));
+        }
         for question in self.asked.taken() {
             // A thread that has fallen over wants no answer.
-            match (question, renderer) {
-                (Question::Maker(answer), Some(renderer)) => {
-                    let _ = answer.send(Maker {
-                        preparation: renderer.part_preparation(),
-                        rebuild: renderer.rebuild(),
-                        library: self.library.clone(),
-                    });
+            match (question, &self.first_maker) {
+                (Question::Maker(answer), Some(maker)) => {
+                    let _ = answer.send(maker.clone());
                 }
                 (Question::Maker(_), None) => {}
                 (Question::Scene(answer), _) => {

@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use super::hands::Hands;
 use super::kept::{Arrival, Kept, PartChange};
-use super::loading::{Loaded, PartLoading};
+use super::loading::{Loaded, Maker, PartLoading};
 use super::{AppError, FrameInput};
 use crate::limits::LoadBudget;
 use crate::printable::{did_you_mean, line};
@@ -333,7 +333,9 @@ impl<'a> World<'a> {
         &mut self,
         make: impl FnOnce() -> Result<Scene, AppError> + Send + 'static,
     ) -> PartLoading {
-        PartLoading::begin(self.kept, make)
+        let library = &self.kept.library;
+        let maker = self.renderer.map(|renderer| Maker::of(renderer, library));
+        PartLoading::begin(self.kept, make, maker)
     }
 
     /// Adds what was loaded, below a new node `name`, and waits for it if it is not there yet: frames go on undisturbed if it
