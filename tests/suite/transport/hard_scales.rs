@@ -4,14 +4,16 @@ use std::f64::consts::PI;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use stereolux::scene::{LightKind, Material, MeshTriangle, Scene};
-use stereolux::settings::{Method, RenderSettings, Reuse};
+use stereolux::settings::{Method, RenderSettings, Reuse, Technique};
 use stereolux::xr::view::RayInWorld;
 use stereolux::xr::{Pose, View};
 
 use super::hard_support::*;
+use super::lights_probe::{add_triangles, glowing};
 use crate::suite::embedded_scenes::plane;
 use crate::suite::support::{
     bits, builtin, mean, method, parallel_views, placed, square_fov, start_pose, start_views,
+    statistics,
 };
 
 /// The scene with everything in it `scale` times as large, and views to match.
@@ -414,4 +416,40 @@ fn a_white_furnace_is_white() {
     }
     // Negative control: two percent of absorption show in the middle of the ball.
     assert!(render(0.98)[0][5] < 0.99);
+}
+
+/// The ceiling's vertices lie in the world, the lamp's around its node, and the head wherever it is: roundings of all three part
+/// where a ray starts from where it ends.
+#[test]
+fn a_lamp_that_is_placed_does_not_hide_itself_from_any_head() {
+    let mut scene = Scene::default();
+    let ceiling = quad(DVec3::new(-1.0, 2.0, -1.0), DVec3::X * 2.0, DVec3::Z * 4.0);
+    add(&mut scene, &ceiling, Material::lambert("ceiling", [0.7; 3]));
+    let corner = |x, z| DVec3::new(x, 0.0, z);
+    let [a, b] = [corner(-0.15, 0.15), corner(0.15, 0.15)];
+    let [c, d] = [corner(0.15, -0.15), corner(-0.15, -0.15)];
+    let place = DAffine3::from_translation(DVec3::new(0.1, 1.4, 2.8));
+    add_triangles(
+        &mut scene,
+        &[[a, b, c], [a, c, d]],
+        glowing([4.0; 3]),
+        place,
+    );
+    for height in [0.5, 1.0, 1.5, 1.9] {
+        let up = DQuat::from_rotation_x(0.5 * PI);
+        let views = eyes_at(DVec3::new(0.0, height, 0.8), up, 50.0);
+        let [by_lamp, by_ceiling] = [Technique::Light, Technique::Bsdf].map(|technique| {
+            let mut settings = paths(2, 64);
+            settings.path.technique = technique;
+            let [left, _] = images(&scene, &settings, [24, 24], &views);
+            left
+        });
+        let off = by_lamp.iter().zip(&by_ceiling);
+        let off: Vec<_> = off.map(|(a, b)| f64::from(a[0] - b[0])).collect();
+        let (off, square) = statistics(&off);
+        let bright = mean(&by_ceiling);
+        // A twentieth of the light is five standard errors.
+        assert!(square.sqrt() < 0.01 * bright, "{height}: {square}");
+        assert!(off * off < 16.0 * square, "{height}: {off} of {bright}");
+    }
 }
