@@ -85,16 +85,32 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
         specular: 1.0,
         ..white.clone()
     };
-    let leaning = [&white, &varnish].map(|material| {
+    let beside = head.position + DVec3::new(0.5, 0.0, -0.4);
+    let mut metal = white.clone();
+    [metal.metallic, metal.roughness] = [1.0, 0.4];
+    let leaning = [&white, &varnish, &metal].map(|material| {
         let (mut scene, _) = sheet(material.clone(), upright, |_, _| [255; 4]);
         let lean = DQuat::from_rotation_y(88_f64.to_radians()) * DVec3::Z;
         let mesh = scene.meshes.last_mut().unwrap();
         mesh.normals.fill(lean.as_vec3().to_array());
-        let beside = head.position + DVec3::new(0.5, 0.0, -0.4);
         add_point_light(&mut scene, beside, 2.0);
         scene
     });
-    let [leaning, leaning_varnish] = leaning;
+    let [leaning, leaning_varnish, leaning_metal] = leaning;
+    // Two channels of three say nothing about the light but in every other square of the sheet, and the lamp none.
+    let painted = Material {
+        base_color_texture: texture,
+        ..white.clone()
+    };
+    let (mut pure, _) = sheet(painted, upright, |x, y| {
+        let rest = 255 * u8::from(checks(x, y));
+        [255, rest, rest, 255]
+    });
+    for material in &mut pure.materials[..plain.materials.len()] {
+        let first = usize::from(material.emission == [0.0; 3]);
+        material.base_color[first..3].fill(0.0);
+    }
+    add_point_light(&mut pure, beside, 2.0);
     let holes = Material {
         base_color_texture: texture,
         alpha_mode: AlphaMode::Mask { cutoff: 0.5 },
@@ -116,8 +132,6 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
         emission: [2.0; 3],
         ..white.clone()
     };
-    let mut metal = white.clone();
-    [metal.metallic, metal.roughness] = [1.0, 0.4];
     let (metallic, _) = sheet(metal, DQuat::from_rotation_x(0.6), |_, _| [255; 4]);
     // Many samples of it find no light but its own: those must count, too.
     let glow = Material {
@@ -142,6 +156,8 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
         ("bumps", bumpy, views(head)),
         ("leaning", leaning, views(head)),
         ("leaning varnish", leaning_varnish, views(head)),
+        ("leaning metal", leaning_metal, views(head)),
+        ("pure colours", pure, views(head)),
         ("holes", holed, views(head)),
         ("veil", veiled, views(head)),
         ("gauze", gauzy, views(head)),
@@ -233,8 +249,8 @@ fn what_is_taken_over_has_the_mean_of_what_would_be_traced() {
     }
 }
 
-/// Negative controls: what the left eye's surfaces found under a sky is not carried over, and what it saw from behind their normals
-/// counts as light that is none.
+/// Negative controls: what the left eye's surfaces found under a sky is not carried over, and what it saw from behind their normals,
+/// or in channels that they do not reflect, counts as light that is none.
 #[test]
 fn what_is_not_carried_and_what_is_none_is_noticed() {
     for (name, by, module, carries) in [
@@ -243,6 +259,18 @@ fn what_is_not_carried_and_what_is_none_is_noticed() {
             Method::Path,
             "shared/carrying",
             "found.kind = 0u;",
+        ),
+        (
+            "leaning metal",
+            Method::Photon,
+            "passes/followed_light",
+            " && wo.z > 0.0",
+        ),
+        (
+            "pure colours",
+            Method::Photon,
+            "shared/carried_samples",
+            "any(needed & !carried.known) || ",
         ),
         (
             "sky",

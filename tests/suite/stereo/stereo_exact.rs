@@ -404,8 +404,8 @@ fn mirrors_and_glass_are_not_carried_over() {
 struct PlateBeforeWall {
     scene: Scene,
     views: [View; 2],
-    /// The plate carries nothing over: it reflects nothing.
-    is_black: bool,
+    /// Nothing is carried over to the plate: the right eye sees it from behind its shading normals.
+    is_turned: bool,
 }
 
 impl PlateBeforeWall {
@@ -426,15 +426,19 @@ impl PlateBeforeWall {
         Self::pixels(Self::IPD_M, distance_m)
     }
 
-    fn new(is_black: bool, has_wall: bool) -> Self {
+    fn new(is_turned: bool, has_wall: bool) -> Self {
         let mut scene = Scene::default();
         let middle = f64::from(Self::SIZE / 2);
         let [left, right] = Self::COLUMNS
             .map(|column| (column - middle) / Self::pixels(1.0, Self::PLATE_M) - Self::IPD_M / 2.0);
         let corner = DVec3::new(left, -5.0, -Self::PLATE_M);
         let plate = quad(corner, DVec3::X * (right - left), DVec3::Y * 10.0);
-        let albedo = if is_black { 0.0 } else { 0.5 };
-        add(&mut scene, &plate, Material::lambert("plate", [albedo; 3]));
+        add(&mut scene, &plate, Material::lambert("plate", [0.5; 3]));
+        if is_turned {
+            // 88 degrees to the left: behind what lies more than 2 degrees to the left, as the plate does for the right eye.
+            let mesh = scene.meshes.last_mut().unwrap();
+            mesh.normals.fill([-0.999_4, 0.0, 0.034_9]);
+        }
         if has_wall {
             let wall = Material::lambert("wall", [0.5; 3]);
             add(&mut scene, &square_ahead(10.0, Self::WALL_M), wall);
@@ -443,7 +447,7 @@ impl PlateBeforeWall {
         Self {
             scene,
             views: parallel_views(Pose::IDENTITY, Self::IPD_M, square_fov(45.0)),
-            is_black,
+            is_turned,
         }
     }
 
@@ -480,7 +484,7 @@ impl PlateBeforeWall {
         assert!((agreeing - 0.2).abs() > 0.01, "choose other columns");
         let is_plate = surface == 0;
         // Of carried_samples.wesl: LEAST_WEIGHT.
-        if agreeing > 0.2 && !(is_plate && self.is_black) {
+        if agreeing > 0.2 && !(is_plate && self.is_turned) {
             Provenance::Reused
         } else if shown(x) == Some(surface) {
             Provenance::Gap
@@ -499,11 +503,11 @@ fn filled_pixels_say_what_the_left_eye_sees_in_their_place() {
         [PlateBeforeWall::PLATE_M, PlateBeforeWall::WALL_M].map(PlateBeforeWall::disparity);
     let [first, last] = PlateBeforeWall::COLUMNS;
     const SIDE: usize = PlateBeforeWall::SIZE as usize;
-    for (is_black, has_wall) in [(false, true), (true, true), (false, false)] {
-        let scene = PlateBeforeWall::new(is_black, has_wall);
+    for (is_turned, has_wall) in [(false, true), (true, true), (false, false)] {
+        let scene = PlateBeforeWall::new(is_turned, has_wall);
         let triangles = Triangles::of(&scene.scene);
         for reuse in [Reuse::Scatter, Reuse::Lookup] {
-            let what = format!("black {is_black}, wall {has_wall}, {reuse:?}");
+            let what = format!("turned {is_turned}, wall {has_wall}, {reuse:?}");
             let size = [PlateBeforeWall::SIZE; 2];
             let settings = method(Method::Photon, reuse);
             let mut renderer = renderer(&scene.scene, &settings, size);
@@ -515,13 +519,13 @@ fn filled_pixels_say_what_the_left_eye_sees_in_their_place() {
                 assert_eq!(*from, due as u32, "{what}, {at}: {due:?} is due");
             }
             // In closed form, columns of every row: how much further the plate moves than the wall, by how much the wall leaves the
-            // left image, the plate's first column, and what is left of a plate of which nothing is carried.
+            // left image, the plate's first column, and what is left of a plate to which nothing is carried.
             let [behind, outside] = if has_wall {
                 [plate - wall, wall]
             } else {
                 [0.0; 2]
             };
-            let gap = if is_black { last - first - 1.0 } else { 0.0 };
+            let gap = if is_turned { last - first - 1.0 } else { 0.0 };
             for row in found.chunks(SIDE) {
                 for (provenance, due) in [
                     (Provenance::Disoccluded, behind),
