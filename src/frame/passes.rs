@@ -96,7 +96,7 @@ passes! {
     radix_scatter: Step,
         "Radix sort: scatters entries by a digit, stably.";
     photon_reorder: Step,
-        "Copies photons into cell order and finds the longest cell.";
+        "Copies photons into cell order and finds the longest run of a gather.";
     kd_setup: Step,
         "Computes the workgroup counts of the kd-tree's passes.";
     kd_keys: Step,

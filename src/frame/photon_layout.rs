@@ -62,10 +62,7 @@ impl MapKind {
     /// `Dispatch.eye` of the map's passes.
     #[must_use]
     pub fn index(self) -> u32 {
-        match self {
-            Self::Photons => 0,
-            Self::Caustics => 1,
-        }
+        self as u32
     }
 }
 
@@ -139,7 +136,9 @@ impl MapLayout {
         let slots_per_path = config.max_depth.saturating_sub(1).clamp(1, 63);
         let scratch =
             BATCH_SCRATCH_BYTES[usize::from(config.wide_machine)].min(limits.binding_bytes);
-        let batch_limit = (scratch / (PHOTON_BYTES * u64::from(slots_per_path))).max(1);
+        let batch_limit = scratch / (PHOTON_BYTES * u64::from(slots_per_path));
+        // Counts of a batch's paths are scanned, and one value more.
+        let batch_limit = batch_limit.clamp(1, SCAN_LIMIT - 4);
         let share = config.paths.div_ceil(config.shares.max(1));
         // Bright interiors store about two photons per path, and of the paths towards what focuses one in thirty; a map that
         // overflows is grown after the frame.
@@ -353,4 +352,37 @@ impl MapConfig {
 #[must_use]
 pub const fn largest_tree() -> u64 {
     (SCAN_LIMIT - 4) / 3
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_number_of_paths_is_scanned() {
+        // Of one photon each a batch would hold one more than a scan counts.
+        for paths in [1, (1 << 22) - 1, 1 << 22, (1 << 22) + 1, 1 << 26] {
+            let layout = MapLayout::new(
+                MapConfig {
+                    kind: MapKind::Photons,
+                    paths,
+                    shares: 1,
+                    max_depth: 2,
+                    paths_per_thread: 1,
+                    capacity: 0,
+                    cells: 4096,
+                    search: Search::Grid,
+                    loads: Loads::Direct,
+                    texels: false,
+                    guided: false,
+                    wide_machine: true,
+                },
+                &AdapterLimits::NONE,
+            );
+            let layout = layout.unwrap();
+            assert!(layout.path_count_bytes() <= SCAN_LIMIT * 4, "{paths}");
+            let traced: u64 = layout.batches().map(|(_, count)| u64::from(count)).sum();
+            assert_eq!(traced, u64::from(paths));
+        }
+    }
 }

@@ -29,10 +29,7 @@ impl Eye {
     /// `Dispatch.eye` of the eye's passes.
     #[must_use]
     pub fn index(self) -> u32 {
-        match self {
-            Self::Left => 0,
-            Self::Right => 1,
-        }
+        self as u32
     }
 
     /// The other one.

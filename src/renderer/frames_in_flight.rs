@@ -112,7 +112,7 @@ fn counted(serial: u64, bytes: &[u8]) -> Counted {
     Counted {
         serial,
         counters: record(counters),
-        longest_cell: record(rest),
+        longest_run: record(rest),
     }
 }
 
@@ -158,7 +158,7 @@ impl Renderer {
         let buffers = &self.frame.buffers;
         let sizes = [
             ("photon_counters", size_of::<PhotonCounters>() as u64),
-            ("longest_cell", 4),
+            ("longest_run", 4),
         ];
         let ranges: Vec<_> = sizes
             .iter()

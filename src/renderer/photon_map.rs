@@ -10,6 +10,8 @@ pub use super::records::photon::{Photon, PhotonCounters, PhotonGrid, SortedPhoto
 
 /// Photons that one slice of the gather may have to walk: llvmpipe ends a thread's loops after 65,535 turns.
 const PHOTONS_PER_SLICE: u64 = 60_000;
+/// Runs of photons that a gather walks: in each of nine rows of cells one.
+const WALKED_RUNS: u64 = 9;
 /// Photons of one batch of the gather by workgroups, and batches of one of its slices.
 pub const SHARED_BATCH: u64 = 64;
 /// See [`SHARED_BATCH`].
@@ -32,7 +34,7 @@ pub(super) struct Counted {
     /// The frame, by [`Renderer::frames_begun`](super::Renderer::frames_begun).
     pub(super) serial: u64,
     pub(super) counters: PhotonCounters,
-    pub(super) longest_cell: u32,
+    pub(super) longest_run: u32,
 }
 
 /// A photon map.
@@ -186,7 +188,7 @@ impl PhotonMap {
     }
 
     /// Slices that the gather needs so that no thread walks too many photons, if there are `margin` (a fraction) times as
-    /// many as were counted. In a grid: by the bound of 27 cells as full as the fullest, or all photons; where workgroups
+    /// many as were counted. In a grid: by the bound of [`WALKED_RUNS`] as long as the longest, or all photons; where workgroups
     /// load them, or in a kd-tree, by all photons, as gathers there go on where the slice before stopped and end at once
     /// if there is nothing left.
     pub(super) fn slices_for(&self, counted: Counted, margin: [u64; 2]) -> u32 {
@@ -199,7 +201,7 @@ impl PhotonMap {
             // The last batch may begin at the list's end.
             (stored + 1, SHARED_BATCH * SHARED_BATCHES_PER_SLICE)
         } else {
-            let most = (27 * more(counted.longest_cell)).min(stored);
+            let most = (WALKED_RUNS * more(counted.longest_run)).min(stored);
             (most, PHOTONS_PER_SLICE)
         };
         walked.div_ceil(per_slice).max(1) as u32

@@ -49,14 +49,18 @@ fn differ(before_w: [f64; 3], after_w: [f64; 3]) -> bool {
         .any(|(before, after)| (before - after).abs() > SWITCHED_SHARE * before.max(after))
 }
 
+/// Frames that the mean of still frames is made of at most: more would change f32's last bits alone, and a sum would drift.
+const MOST_STILL: u32 = 8192;
+
 /// How many of `frames` still frames are in their mean. The first, which any frame of a moving head is, counts where nothing else
 /// averages over frames.
 fn still_summed(settings: &ReconstructSettings, frames: u32) -> u32 {
-    match (settings.still.is_on(), settings.follows_motion()) {
+    let summed = match (settings.still.is_on(), settings.follows_motion()) {
         (false, _) => 0,
         (true, false) => frames,
         (true, true) => frames - 1,
-    }
+    };
+    summed.min(MOST_STILL)
 }
 
 /// Share of the mean of `summed` still frames in the picture. Where nothing else averages over frames, all of it.

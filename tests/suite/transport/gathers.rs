@@ -1,19 +1,20 @@
 //! The ways to gather that the default is compared with: kd-tree, k nearest, one fused kernel, loads by workgroup.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::{Eye, MapKind, RenderError, Renderer, SortedPhoton};
-use stereolux::scene::Scene;
+use stereolux::scene::{Material, Scene};
 use stereolux::settings::{
     DirectLight, Eyes, Force, Kernel, Loads, Method, PhotonEstimate, RenderSettings, Reuse,
     Schedule, Search,
 };
 
+use super::hard_support::{add, eyes_at, quad};
 use super::photon_map::{
     assert_sums, directions, grid, map_only, on_one_surface, per_own_area, photons, views,
 };
 use super::support::{
-    Triangles, assert_clean, bits, both_bits, builtin, pixel_ray, play, radiance, rendered,
+    Triangles, assert_clean, bits, both_bits, builtin, mean, pixel_ray, play, radiance, rendered,
     renderer, renderer_by, settings, strays,
 };
 
@@ -473,4 +474,47 @@ fn no_photons_and_vanishing_radii_are_clean_in_every_way() {
             assert!(found.iter().chain(&plain).all(is_seen), "{what}");
         }
     }
+}
+
+/// Four sheets that light each other, a gather radius apart, so that a gather's ball has as many photons in every cell that it walks.
+fn stacked_sheets() -> Scene {
+    let mut scene = Scene::default();
+    let glow = Material {
+        emission: [1.0; 3],
+        double_sided: true,
+        ..Material::lambert("sheet", [0.5; 3])
+    };
+    for z in [0.0, 0.25, 0.5, 0.75] {
+        let corner = DVec3::new(-0.5, -0.5, -2.0 - z);
+        add(&mut scene, &quad(corner, DVec3::X, DVec3::Y), glow.clone());
+    }
+    scene
+}
+
+#[test]
+fn no_photon_is_left_out_where_all_cells_are_full() {
+    let light = |change: Change| {
+        let settings = settings(|s| {
+            s.photon.direct = DirectLight::Map;
+            s.photon.edge_correction = false;
+            s.photon.radius_m = 0.2499;
+            s.photon.count = 400_000;
+            s.photon.max_depth = 3;
+            s.reuse = Reuse::Off;
+            change(s);
+        });
+        let views = eyes_at(DVec3::new(0.0, 0.0, -2.05), DQuat::IDENTITY, 8.0);
+        let mut renderer = renderer(&stacked_sheets(), &settings, [8, 8]);
+        renderer.render_frame(&views, 0, |_| {}).unwrap();
+        let stored = renderer.photon_map().unwrap().counters().stored;
+        (mean(&radiance(&renderer, Eye::Left)), stored)
+    };
+    let [(by_grid, stored), (by_tree, _)] = [light(|_| {}), light(KD)];
+    // Nine rows of nine columns hold more than a thread's loops take, three rows of nine less (6 % are lost by those).
+    assert!(stored > 200_000, "{stored}");
+    let off = (by_grid / by_tree - 1.0).abs();
+    assert!(
+        off < f64::from(rounding(stored as usize)),
+        "{by_grid}, {by_tree}"
+    );
 }
