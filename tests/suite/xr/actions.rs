@@ -228,7 +228,7 @@ fn given(folder: &Folder, also: &str, status: u8) -> [(&'static str, String); 3]
 }
 
 #[test]
-fn an_applications_bindings_are_suggested_and_its_locomotion_dropped() {
+fn an_applications_bindings_are_suggested_and_the_programs_own_dropped() {
     let folder = Folder::new("actions-suggested");
     let this = std::env::current_exe().unwrap();
     let given = given(&folder, TRIGGER, 0);
@@ -250,6 +250,9 @@ fn an_applications_bindings_are_suggested_and_its_locomotion_dropped() {
         assert_says(&text, &[&format!("vibrates: {expected}\n")]);
     }
     assert_eq!(text.matches("vibrates: ").count(), 2, "{text}");
+    // A button that an action is bound to is the application's alone.
+    let [touch, index] = [TOUCH, INDEX].map(|of| text.contains(&format!("{of} switch_reuse ")));
+    assert!(touch && !index, "{text}");
     let walks = text.contains(" walk ") || text.contains(" advance ");
     assert!(!walks, "{text}");
     // The runtime's head stands still.

@@ -156,7 +156,7 @@ impl Controls {
         Ok(())
     }
 
-    /// All but the application's.
+    /// All but the application's, and what its actions take the button of.
     fn bindings<'a>(
         &'a self,
         instance: &xr::Instance,
@@ -164,6 +164,11 @@ impl Controls {
     ) -> xr::Result<Vec<xr::Binding<'a>>> {
         let mut bindings = self.hands.bindings(instance, profile)?;
         for (drives, source) in profile.drives {
+            let is_button = matches!(drives, Drives::SwitchReuse | Drives::Quit);
+            let is_taken = |own: &OwnActions| own.binds(profile.path, source);
+            if is_button && self.own.as_ref().is_some_and(is_taken) {
+                continue;
+            }
             let path = instance.string_to_path(source)?;
             bindings.push(match (drives, &self.moves) {
                 (Drives::SwitchReuse, _) => xr::Binding::new(&self.switch_reuse, path),

@@ -50,6 +50,14 @@ impl OwnActions {
         Ok(Some(Self { set, actions }))
     }
 
+    /// Whether one of them is to be driven by a source of a profile.
+    pub(super) fn binds(&self, profile: &str, source: &str) -> bool {
+        let bindings = self.actions.iter().flat_map(|(action, _)| &action.bindings);
+        bindings
+            .into_iter()
+            .any(|(of, by)| *of == profile && by == source)
+    }
+
     /// What to suggest for a profile: the action's name, its source, and both as the runtime takes them.
     pub(super) fn bindings<'a>(
         &'a self,
