@@ -424,7 +424,7 @@ pub struct NewOptions {
 #[derive(Clone, Debug, Args)]
 #[command(after_help = STATUS_HELP)]
 pub struct SettingsOptions {
-    /// Part of a key, a group, a value or an explanation, such as `photon` or `denoise`
+    /// Part of a key, a group, a value or an explanation, such as `photon` or `denoising`
     pub word: Option<String>,
 }
 
