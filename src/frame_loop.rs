@@ -152,7 +152,7 @@ fn settle_quality(
 
 /// Progress reports of a loop.
 pub trait LoopProgress {
-    /// `done` of `total` samples of frame `frame` are rendered.
+    /// `done` samples of frame `frame` are rendered.
     fn sample(&mut self, frame: u32, done: u32);
     /// A frame is finished.
     fn frame(&mut self, stats: &FrameStats);

@@ -42,7 +42,10 @@ pub enum OutputError {
 }
 
 /// Statistics, a line per frame.
-const STATS: &str = "stats.jsonl";
+pub const STATS: &str = "stats.jsonl";
+/// What a run was, and how it ended.
+pub const RUN: &str = "run.json";
+const TRACE: &str = "trace.json";
 
 /// What a frame's files say about it.
 #[derive(Debug, Clone, Copy)]
@@ -104,8 +107,8 @@ pub struct OutputFolder {
     settings: Settings,
     /// The adapter's name.
     adapter: String,
-    /// `stats.jsonl` was made for this run.
-    is_new: bool,
+    /// The folder, and `stats.jsonl` in it, were made for this run.
+    is_new: [bool; 2],
     stats: File,
     trace: Option<ChromeTrace>,
 }
@@ -139,7 +142,7 @@ impl OutputFolder {
             path: path.to_owned(),
             reason: error.to_string(),
         };
-        let is_new = !path.join(STATS).exists();
+        let is_new = [!path.exists(), !path.join(STATS).exists()];
         Ok(Self {
             path: path.to_owned(),
             settings: settings.clone(),
@@ -152,9 +155,12 @@ impl OutputFolder {
 
     /// Lets go of a folder that was opened for nothing.
     pub fn give_up(self) {
-        if self.is_new {
-            // What cannot be removed is an empty file.
+        let [folder, stats] = self.is_new;
+        // What cannot be removed is an empty file.
+        if stats {
             let _ = fs::remove_file(self.path.join(STATS));
+        }
+        if folder {
             let _ = fs::remove_dir(&self.path);
         }
     }
@@ -206,7 +212,7 @@ impl OutputFolder {
     }
 
     fn trace_path(&self) -> PathBuf {
-        self.path.join("trace.json")
+        self.path.join(TRACE)
     }
 
     fn trace_failed(&self, error: &io::Error) -> OutputError {
@@ -255,12 +261,12 @@ impl OutputFolder {
         }
     }
 
-    /// Writes `run.json`.
+    /// Writes a folder's `run.json`.
     ///
     /// # Errors
     /// [`OutputError`].
-    pub fn write_run(&self, run: &impl Serialize) -> Result<(), OutputError> {
-        let path = self.path.join("run.json");
+    pub fn write_run(folder: &Path, run: &impl Serialize) -> Result<(), OutputError> {
+        let path = folder.join(RUN);
         let text = serde_json::to_string_pretty(run).map_err(|error| OutputError::File {
             path: path.clone(),
             reason: error.to_string(),
@@ -427,18 +433,14 @@ fn add_layer(file: &mut ExrFile, layer: &Inspected, view: &str, half: bool) {
         let separator = if name.is_empty() { "" } else { "." };
         file.add(format!("{name}{separator}{view}{channel}"), samples);
     };
-    let float = |samples: Vec<f32>, as_half| match as_half {
-        true => ExrSamples::Half(samples),
-        false => ExrSamples::Float(samples),
-    };
     let name = layer.inspection.name();
     match &layer.values {
-        InspectedValues::Scalar(values) => add("", "Z", float(values.clone(), false)),
+        InspectedValues::Scalar(values) => add("", "Z", ExrSamples::Float(values.clone())),
         InspectedValues::Labels(values) => add(name, "id", ExrSamples::Whole(values.clone())),
         InspectedValues::Vector2(values) => {
             for (at, channel) in ["X", "Y"].into_iter().enumerate() {
                 let samples = values.iter().map(|value| value[at]).collect();
-                add(name, channel, float(samples, false));
+                add(name, channel, ExrSamples::Float(samples));
             }
         }
         InspectedValues::Direction(values) | InspectedValues::Color(values) => {
@@ -449,7 +451,7 @@ fn add_layer(file: &mut ExrFile, layer: &Inspected, view: &str, half: bool) {
             };
             for (at, channel) in channels.into_iter().enumerate() {
                 let samples = values.iter().map(|value| value[at]).collect();
-                add(name, channel, float(samples, half));
+                add(name, channel, ExrSamples::real(samples, half));
             }
         }
     }
@@ -468,7 +470,7 @@ fn is_of_a_run(name: &str) -> bool {
         .and_then(|name| name.rsplit_once('.'))
         .filter(|(_, process)| process.bytes().all(|digit| digit.is_ascii_digit()));
     let name = unfinished.map_or(name, |(name, _)| name);
-    if ["run.json", "trace.json"].contains(&name) {
+    if [RUN, TRACE].contains(&name) {
         return true;
     }
     let Some(rest) = name.strip_prefix("frame_") else {
@@ -523,6 +525,22 @@ mod tests {
             "journal.jsonl",
         ] {
             assert!(!is_of_a_run(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn what_is_given_up_leaves_the_folders_that_were_there() {
+        let base = std::env::temp_dir().join(format!("stereolux_given_up_{}", std::process::id()));
+        for was_there in [true, false] {
+            if was_there {
+                fs::create_dir_all(&base).unwrap();
+            }
+            let folder = OutputFolder::open(&base, &Settings::default(), "").unwrap();
+            assert!(base.join(STATS).exists());
+            folder.give_up();
+            assert!(!base.join(STATS).exists());
+            assert_eq!(base.exists(), was_there);
+            let _ = fs::remove_dir(&base);
         }
     }
 }

@@ -3,13 +3,12 @@
 use crate::limits::LoadBudget;
 use crate::renderer::packing::mean_glow;
 #[cfg(feature = "viewer")]
+use crate::scene::builtin::PREFIX;
 use crate::scene::edit::Document;
 use crate::scene::needs::LightCounts;
 use crate::scene::{Environment, Needs, Scene, SceneError, load_environment_within};
 use crate::settings::{Light, Settings};
 
-/// Prefix of scenes that are embedded in the program.
-const BUILTIN: &str = "builtin:";
 /// A scene whose surfaces alone shine is lit if what they emit would give a white surface this radiance, were it spread evenly
 /// over all surfaces: less is a picture nearly black. The embedded scenes with lamps have 0.078 and more, a helmet with glowing
 /// displays 0.002.
@@ -54,7 +53,7 @@ impl Loaded {
     /// [`SceneError`]: the scene, its environment or its clip.
     pub fn open(settings: &Settings) -> Result<Self, SceneError> {
         let budget = LoadBudget::new(settings.limits.load());
-        let scene = match settings.scene.strip_prefix(BUILTIN) {
+        let scene = match settings.scene.strip_prefix(PREFIX) {
             Some(name) => Scene::builtin(name)?,
             None => Scene::load_within(&settings.scene, &budget)?,
         };
@@ -183,7 +182,7 @@ fn is_lit(scene: &Scene) -> bool {
 /// Warnings that the scene will be black, or is of a size that two eyes cannot make much of.
 fn unlit_or_odd(scene: &Scene, settings: &Settings) -> Vec<String> {
     let mut warnings = Vec::new();
-    if scene.environment.is_none() && !is_lit(scene) {
+    if !is_lit(scene) {
         warnings.push(format!(
             "{} has no light to be seen by and will be black, but for what glows: give --light auto, --light sky or \
              environment.path",

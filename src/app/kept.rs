@@ -39,7 +39,7 @@ pub(crate) struct Kept {
     /// Why the renderer cannot show it.
     pub(super) needs_rebuild: Option<String>,
     /// A part that the renderer cannot show and its successor can.
-    arrival: Option<Arrival>,
+    pub(super) arrival: Option<Arrival>,
     /// Shaders of all renderers.
     pub(super) library: ShaderLibrary,
     /// What a load may take and reach.

@@ -244,8 +244,9 @@ impl<'a> Application<'a> {
         self.app
             .end(&mut World::new(&mut self.kept, Some(renderer), None));
         self.kept.asked.end();
-        // With a model that has come meanwhile, and its renderer: they go before the session does, as all that holds the device.
+        // With a model that has come meanwhile, and its renderer: they go before the session does.
         self.kept.hands = None;
+        self.kept.arrival = None;
         self.kept.first_maker = None;
     }
 }

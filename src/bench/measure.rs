@@ -94,7 +94,7 @@ impl GroupPlan {
     /// Frames of each variant.
     #[must_use]
     pub fn frames(&self) -> u64 {
-        u64::from(self.rounds + self.warm_up.max(1))
+        u64::from(self.rounds + self.warm_up)
     }
 }
 
@@ -375,10 +375,9 @@ impl<'a> Lab<'a> {
         let still = plan.views != ViewPlan::Trace;
         let mut statistics: Vec<VariantStatistics> = Vec::new();
         statistics.resize_with(plan.candidates.len(), VariantStatistics::default);
-        let warm_up = plan.warm_up.max(1);
         interleave(
             plan.candidates.len(),
-            warm_up,
+            plan.warm_up,
             plan.rounds,
             |variant, round| {
                 let place = (round.index as usize).min(views.len() - 1);
@@ -389,7 +388,7 @@ impl<'a> Lab<'a> {
                 self.progress.round(plan, round);
                 go_on()?;
                 if !round.counts {
-                    if round.index + 1 == warm_up {
+                    if round.index + 1 == plan.warm_up {
                         let settled = self.settle(plan, scene, &fingerprint, &judged_view, &frames);
                         truth.references = settled?;
                     }
@@ -422,7 +421,7 @@ impl<'a> Lab<'a> {
                     eyes: plan.eyes.word().to_owned(),
                     factors: candidate.factors.clone(),
                     settings: differing_settings(&self.settings_of(plan, candidate)),
-                    timing: own.timing(first, renderer, plan.rounds, warm_up),
+                    timing: own.timing(first, renderer, plan.rounds, plan.warm_up),
                     errors: own.errors(&truth),
                     frame_noise: mean(own.noise()),
                     stereo: own.stereo(first),

@@ -163,7 +163,7 @@ pub struct Outcome {
     pub resumed: usize,
     /// The report.
     pub report: PathBuf,
-    /// Groups with errors that their reference was not good enough for.
+    /// Rows with errors that their reference was not good enough for.
     pub unsettled: usize,
 }
 

@@ -1,6 +1,6 @@
 //! `bench motion`: what reconstruction makes of a moving head, and what it costs. Scene by scene and by both methods, the
 //! same swaying head is rendered raw, filtered and filtered by both eyes together, and the last frames are judged by errors
-//! that do not hold their references' noise ([`super::paired_references`]).
+//! of which all but the RMSE do not hold their references' noise ([`super::paired_references`]).
 
 use std::time::Instant;
 
@@ -10,8 +10,7 @@ use stereolux_report::statistics::spread;
 
 use super::correspondence::{left_from_right, pixel_at};
 use super::paired_references::{
-    Differences, References, binocular_square, change_square, differences, mean_product,
-    relative_square,
+    References, binocular_square, change_square, differences, mean_product, relative_square,
 };
 use super::reference::{self, PixelFilter, ReferenceSpec};
 use super::scenes::SceneSource;
@@ -401,12 +400,11 @@ fn judge(shown: &Shown, truth: &Truth, seen: &Image<Option<[f64; 2]>>) -> Motion
         row.rel_mse += 0.5 * relative_square(&differences(&frame[eye], pair), pair);
         row.brightness += 0.5 * shown.mean[eye] / truth.mean[eye];
         // Both halves together are the better reference.
-        let sum: Differences = [0, 1].map(|_: usize| {
-            let both = last[0].iter().zip(&last[1]);
-            both.map(|(a, b)| std::array::from_fn(|c| 0.5 * (a[c] + b[c])))
-                .collect()
-        });
-        row.rmse += 0.5 * mean_product(&sum[0], &sum[1]);
+        let both = last[0].iter().zip(&last[1]);
+        let mean: Vec<_> = both
+            .map(|(a, b)| std::array::from_fn(|c| 0.5 * (a[c] + b[c])))
+            .collect();
+        row.rmse += 0.5 * mean_product(&mean, &mean);
     }
     row.rmse = root(row.rmse);
     let apart = binocular_square(&eyes[0].1, &eyes[1].1, seen);

@@ -11,7 +11,7 @@ use crate::frame_loop::KEPT_FRAMES;
 use crate::images::write_atomically;
 use crate::limits::LoadBudget;
 use crate::options::MergeOptions;
-use crate::output::{OutputFolder, take};
+use crate::output::{OutputFolder, RUN, STATS, take};
 use crate::printable::json_fault;
 
 /// What must be the same in all runs.
@@ -28,7 +28,7 @@ const SAME: [&str; 8] = [
 
 /// Frames of a folder: the whole lines of `stats.jsonl`.
 fn frames(folder: &Path) -> Result<Vec<Value>, Failure> {
-    let path = folder.join("stats.jsonl");
+    let path = folder.join(STATS);
     let text = read(&path)?;
     let lines = text.lines().enumerate();
     lines
@@ -61,7 +61,7 @@ fn read(path: &Path) -> Result<String, Failure> {
 }
 
 fn run_of(folder: &Path) -> Result<Value, Failure> {
-    let path = folder.join("run.json");
+    let path = folder.join(RUN);
     serde_json::from_str(&read(&path)?)
         .map_err(|error| Failure::unusable(format!("{}: {error}", path.display())))
 }
@@ -176,16 +176,13 @@ fn joined(runs: Vec<Value>, frames: &[Value], folders: Vec<String>) -> Result<Va
 fn write(out: &Path, frames: &[Value], run: &Value) -> Result<(), Failure> {
     let _taken = take(out)
         .map_err(|error| Failure::unusable(format!("--out {}: {error}", out.display())))?;
-    write_atomically(&out.join("stats.jsonl"), |file| {
+    OutputFolder::write_run(out, run).map_err(Failure::failed)?;
+    // The locked file goes last: whoever comes next locks another.
+    write_atomically(&out.join(STATS), |file| {
         use std::io::Write as _;
         frames
             .iter()
             .try_for_each(|frame| writeln!(file, "{frame}"))
-    })?;
-    let text = serde_json::to_string_pretty(run).map_err(Failure::failed)?;
-    write_atomically(&out.join("run.json"), |file| {
-        use std::io::Write as _;
-        writeln!(file, "{text}")
-    })?;
-    Ok(())
+    })
+    .map_err(Failure::failed)
 }

@@ -141,14 +141,19 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
     if let Some(fov) = options.view.fov {
         headset = headset.with_fov(fov)?;
     } else if options.view.pose.is_none() && !options.names_headset {
-        let camera = scene.start_camera();
-        if let Some((camera, fov)) = camera.and_then(|c| Some((c, camera_fov(c, size)?))) {
-            headset = headset.with_fov(fov)?;
-            let degrees = 2.0 * fov.angle_up.to_degrees();
+        if let Some(camera) = scene.start_camera() {
+            let fov = camera_fov(camera, size);
+            let angles = match fov {
+                Some(fov) => format!("{:.1} degrees high", 2.0 * fov.angle_up.to_degrees()),
+                None => "with the headset's angles, since it has none that serve".to_owned(),
+            };
             announcement = Some(format!(
-                "the view is the glTF camera's '{}', {degrees:.1} degrees high; --fov or --headset give other angles",
+                "the view is the glTF camera's '{}', {angles}; --fov or --headset give other angles",
                 camera.name
             ));
+            if let Some(fov) = fov {
+                headset = headset.with_fov(fov)?;
+            }
         }
     }
     let pose = options.view.pose.unwrap_or_else(|| scene.start_pose());
@@ -377,7 +382,7 @@ fn render_session(
         &outcome,
         ended.as_ref().err().map(|failure| failure.message.clone()),
     );
-    let written = output.write_run(&run);
+    let written = OutputFolder::write_run(output.path(), &run);
     // The first error is the one to tell.
     if ended.is_ok() || interrupt::requested() {
         written.map_err(Failure::failed)?;
@@ -398,7 +403,10 @@ fn warn_of_much_output(
     frames: Option<u32>,
     size: [u32; 2],
 ) {
-    let in_range = |(range, _): (&Range<u32>, u32)| range.end - range.start;
+    let in_range = |(range, _): (&Range<u32>, u32)| {
+        let end = frames.map_or(range.end, |frames| frames.min(range.end));
+        end.saturating_sub(range.start)
+    };
     let frames = job.range.map(in_range).or(frames);
     let Some(frames) = frames.filter(|_| output.images.is_on()) else {
         return;

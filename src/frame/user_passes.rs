@@ -22,6 +22,7 @@ use super::step::{Action, Eye, List, PlannedStage, Size, Stage, Step};
 use crate::files;
 use crate::gpu::kernel::{BindingKind, reflect_bindings};
 use crate::gpu::{GpuError, ShaderFeatures, ShaderLibrary};
+use crate::printable::did_you_mean;
 use crate::settings::{UserDomain, UserPass};
 
 /// The pass of a user's entry.
@@ -109,14 +110,13 @@ fn ordered(user_passes: &[UserPass]) -> Result<Vec<&UserPass>, GpuError> {
         .find(|pass| !names.contains(pass.after.as_str()))
     {
         let known = passes::ALL.iter().map(|pass| &*pass.name).chain(names);
-        let likeness = |name: &str| strsim::normalized_damerau_levenshtein(&lost.after, name);
-        let nearest = known.max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+        let nearest = did_you_mean(&lost.after, known);
         return Err(fault(
             lost,
             format_args!(
-                "there is no pass {:?} to follow; the nearest name is {:?}",
-                lost.after,
-                nearest.unwrap_or_default()
+                "there is no pass {:?} to follow{nearest}; `after` names a pass of an eye, of reconstruction, or another of \
+                 the user's",
+                lost.after
             ),
         ));
     }
@@ -134,11 +134,9 @@ fn ordered(user_passes: &[UserPass]) -> Result<Vec<&UserPass>, GpuError> {
 /// follow nothing that runs are left out; [`check`] names them.
 pub(super) fn insert(stages: &mut [PlannedStage], user_passes: &[UserPass]) {
     for pass in ordered(user_passes).unwrap_or_default() {
-        let in_left = |stages: &[PlannedStage]| {
-            let left = stages.iter().find(|planned| planned.stage == Stage::Left);
-            left.is_some_and(|left| left.steps.iter().any(|step| runs(step, &pass.after)))
-        };
-        let in_left = in_left(stages);
+        let left = stages.iter().find(|planned| planned.stage == Stage::Left);
+        let in_left =
+            left.is_some_and(|left| left.steps.iter().any(|step| runs(step, &pass.after)));
         for planned in &mut *stages {
             match planned.stage {
                 Stage::Left | Stage::Right | Stage::RightEqual | Stage::Reconstruct => (),

@@ -71,7 +71,7 @@ pub struct Dispatched {
     pub pass: String,
     /// Threads of its workgroups; one per entry of a list where threads take several.
     pub threads: u64,
-    /// Whether it ran over a list of pixels.
+    /// Whether buffers said over how much it runs: a list of pixels, a level of a tree.
     pub over_list: bool,
     /// Buffers.
     pub traffic: Traffic,

@@ -138,13 +138,13 @@ impl SettingsFile for Settings {
                 *text = folder.join(path).display().to_string();
             }
         };
-        if !settings.scene.starts_with("builtin:") {
+        if !settings.scene.starts_with(builtin::PREFIX) {
             absolute(&mut settings.scene);
         }
         if Headset::is_path(&settings.headset) {
             absolute(&mut settings.headset);
         }
-        if !settings.environment.path.starts_with("builtin:") {
+        if !settings.environment.path.starts_with(builtin::PREFIX) {
             absolute(&mut settings.environment.path);
         }
         absolute(&mut settings.simulated.hands);

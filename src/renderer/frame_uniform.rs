@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 
 use super::Renderer;
 use super::features::light_candidates;
-use super::radii::{most_correction, progressive_radius_m};
+use super::radii::most_correction;
 use super::reconstruction::{pack_offset, pixel_offset};
 use crate::renderer::records::frame::{
     Eye as EyeUniform, FRAME_ADAPTIVE_CAUSTIC_RADIUS, FRAME_ADAPTIVE_RADIUS, FRAME_DIRECT_FROM_MAP,
@@ -49,10 +49,7 @@ impl Renderer {
             DensityKernel::Cone => FRAME_KERNEL_CONE,
         };
         flags |= adaptive_radii(&settings.photon);
-        let radius_now_m = |first_radius_m| {
-            let alpha = settings.photon.progressive_alpha;
-            progressive_radius_m(first_radius_m, alpha, self.progressive_pass) as f32
-        };
+        let radius_now_m = |first_radius_m| self.progressive_pass.radius_m(first_radius_m) as f32;
         let (photon_origin, photon_frame_index) = photons.unwrap_or((origin, frame_index));
         Frame {
             left: eye_uniform(&views[0], origin),
@@ -82,7 +79,7 @@ impl Renderer {
             nearest_photons: settings.photon.nearest,
             light_candidates: light_candidates(self.scene.light_count(), self.features(), settings),
             pixel_offset: 0,
-            most_correction: most_correction(self.progressive_pass) as f32,
+            most_correction: most_correction(self.progressive_pass.index) as f32,
             padding: [0; 3],
         }
     }

@@ -173,7 +173,7 @@ impl InstanceTable {
         }
     }
 
-    /// Says that an instance's shape has changed.
+    /// Says that an instance, its place or its shape has changed.
     pub fn note(&mut self, slot: u32) {
         if let Some(changed) = self.is_changed.get_mut(slot as usize)
             && !std::mem::replace(changed, true)

@@ -123,7 +123,7 @@ pub struct Renderer {
     radius_m: f64,
     caustic_radius_m: f64,
     /// The pass of the current sample: radii shrink from pass to pass, in progressive mode and at rest.
-    progressive_pass: u32,
+    progressive_pass: radii::ProgressivePass,
     /// The pass that the photons were traced for.
     traced_pass: u32,
     refresh: photons_over_time::Refresh,
@@ -264,7 +264,7 @@ impl Renderer {
             },
             radius_m,
             caustic_radius_m,
-            progressive_pass: 0,
+            progressive_pass: radii::ProgressivePass::first(settings.photon.progressive_alpha),
             traced_pass: 0,
             refresh: photons_over_time::Refresh::default(),
             frames_begun: 0,

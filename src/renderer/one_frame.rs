@@ -134,11 +134,11 @@ impl Renderer {
         sample: u32,
         flight: &mut Flight,
     ) -> Result<(), RenderError> {
-        self.progressive_pass = if self.is_progressive() {
-            sample
-        } else {
-            self.pass_at_rest(views)
+        let pass = match self.is_progressive() {
+            true => sample,
+            false => self.pass_at_rest(views),
         };
+        self.progressive_pass.go_to(pass);
         let photon_key = frame_index
             .wrapping_mul(PHOTON_KEY_STRIDE)
             .wrapping_add(sample);

@@ -57,7 +57,7 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         self.grow_maps()?;
         // Counts within a smaller radius say nothing of the whole one.
-        let anew = anew || self.traced_pass > self.progressive_pass;
+        let anew = anew || self.traced_pass > self.progressive_pass.index;
         let waits = anew || self.maps.iter().any(|map| map.traced_at().is_none());
         if let Some((due, origin)) = self.photons_due(anew) {
             // The map that is about to be traced, not the one before it.
@@ -67,7 +67,7 @@ impl Renderer {
                 flight.result.photons.retraced += self.trace_map(index, due, waits, flight)?;
                 self.maps[index].note_trace(flight.serial, origin, photon_key);
             }
-            self.traced_pass = self.progressive_pass;
+            self.traced_pass = self.progressive_pass.index;
         }
         flight.result.photons.traced = flight.result.photons.retraced > 0;
         flight.result.photons.outdated_shares = self.refresh.outdated;
@@ -145,7 +145,7 @@ impl Renderer {
             .and_then(|origins| origins.first().copied())
             .filter(|origin| origin.distance(self.origin_in_world) <= reach_m);
         let missing = self.maps.iter().any(|map| map.traced_at().is_none());
-        let refines = self.progressive_pass > self.traced_pass;
+        let refines = self.progressive_pass.index > self.traced_pass;
         let is_outdated = moved || self.refresh.outdated > 0;
         if anew || missing || refines || (is_outdated && (shares == 1 || kept.is_none())) {
             self.refresh.outdated = 0;

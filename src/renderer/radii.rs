@@ -4,10 +4,8 @@ use crate::scene::{Scene, SceneStatistics};
 use crate::settings::RenderSettings;
 
 /// Photons that an automatic radius gathers on average: enough that one photon more or less does not show, few enough
-/// that the bias stays small.
+/// that the bias stays small. A path is taken to store one.
 const AUTOMATIC_GATHER: f64 = 60.0;
-/// Photon paths that land nowhere when the automatic radius is estimated: about one photon is stored per path.
-const AUTOMATIC_STORED_PER_PATH: f64 = 1.0;
 /// Gather radii below this are raised to it: their square would leave f32's range.
 pub(super) const LEAST_RADIUS_M: f64 = 1e-12;
 
@@ -51,8 +49,8 @@ pub fn automatic_radius_m(scene: &Scene, paths: u32) -> f64 {
 }
 
 /// As [`automatic_radius_m`], for a scene whose area is known.
-pub(super) fn radius_for_area_m(area_m2: f64, paths: u32) -> f64 {
-    let photons = f64::from(paths.max(1)) * AUTOMATIC_STORED_PER_PATH;
+fn radius_for_area_m(area_m2: f64, paths: u32) -> f64 {
+    let photons = f64::from(paths.max(1));
     let radius = (AUTOMATIC_GATHER * area_m2 / (std::f64::consts::PI * photons)).sqrt();
     if radius.is_finite() && radius > 0.0 {
         radius
@@ -75,15 +73,51 @@ pub fn most_correction(pass: u32) -> f64 {
     8.0 * f64::sqrt(1.0 + f64::from(pass))
 }
 
-/// Radius of progressive pass `pass` (from 0): r_(i+1)^2 = r_i^2 (i + alpha) / (i + 1), i from 1. The mean over passes
-/// then converges, its bias falling with the radius: Knaus and Zwicker 2011, "Progressive photon mapping: a
-/// probabilistic approach", eq. 15.
-pub fn progressive_radius_m(first_radius_m: f64, alpha: f64, pass: u32) -> f64 {
-    let mut squared = first_radius_m * first_radius_m;
-    for i in 1..=pass {
-        squared *= (f64::from(i) + alpha) / (f64::from(i) + 1.0);
+/// A pass of progressive photon mapping, and how far it narrows radii.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ProgressivePass {
+    /// From 0.
+    pub index: u32,
+    alpha: f64,
+    /// Of the first pass's squared radius.
+    squared: f64,
+}
+
+impl ProgressivePass {
+    /// The first one.
+    pub fn first(alpha: f64) -> Self {
+        Self {
+            index: 0,
+            alpha,
+            squared: 1.0,
+        }
     }
-    squared.sqrt().max(LEAST_RADIUS_M)
+
+    /// Another one: r_(i+1)^2 = r_i^2 (i + alpha) / (i + 1), i from 1. The mean over passes then converges, its bias falling
+    /// with the radius: Knaus and Zwicker 2011, "Progressive photon mapping: a probabilistic approach", eq. 15.
+    pub fn go_to(&mut self, index: u32) {
+        if index < self.index {
+            *self = Self::first(self.alpha);
+        }
+        for i in self.index + 1..=index {
+            self.squared *= (f64::from(i) + self.alpha) / (f64::from(i) + 1.0);
+        }
+        self.index = index;
+    }
+
+    /// Its radius, of the first pass's.
+    pub fn radius_m(&self, first_radius_m: f64) -> f64 {
+        (first_radius_m * first_radius_m * self.squared)
+            .sqrt()
+            .max(LEAST_RADIUS_M)
+    }
+}
+
+/// Radius of progressive pass `pass` (from 0).
+pub fn progressive_radius_m(first_radius_m: f64, alpha: f64, pass: u32) -> f64 {
+    let mut at = ProgressivePass::first(alpha);
+    at.go_to(pass);
+    at.radius_m(first_radius_m)
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::layout::Part;
 use super::save_files::Saved;
+use crate::scene::builtin::PREFIX;
 use crate::scene::edit::Original;
 
 /// What text fields hold while they are written in, and other state of widgets.
@@ -48,7 +49,7 @@ impl Fields {
             || "scene".into(),
             |stem| stem.to_string_lossy().into_owned(),
         );
-        let stem = stem.trim_start_matches("builtin:").to_owned();
+        let stem = stem.trim_start_matches(PREFIX).to_owned();
         let in_out = |name: String| out.join(name).to_string_lossy().into_owned();
         Self {
             scene_path: in_out(format!("{stem}_edited.glb")),

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use super::session::{Recording, is_trace};
 use crate::limits::LoadBudget;
+use crate::scene::builtin::PREFIX;
 use crate::scene::{Environment, SceneError, load_environment_within};
 use crate::scene_loading::LoadedDocument;
 use crate::settings::{EnvironmentSettings, Settings};
@@ -136,7 +137,7 @@ impl Kind {
             .extension()
             .map(|extension| extension.to_string_lossy().to_lowercase());
         match extension.as_deref() {
-            _ if spec.starts_with("builtin:") => Ok(Self::Scene),
+            _ if spec.starts_with(PREFIX) => Ok(Self::Scene),
             Some("gltf" | "glb") => Ok(Self::Scene),
             Some("hdr" | "exr") => Ok(Self::Environment),
             _ if is_trace(Path::new(spec)) => Ok(Self::Trace),

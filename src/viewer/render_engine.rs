@@ -22,7 +22,6 @@ use crate::renderer::{
 use crate::scene::Scene;
 use crate::scene::edit::{Edit, EditError};
 use crate::settings::{Eyes, Settings};
-use crate::xr::View;
 
 /// What can go wrong on the rendering thread.
 #[derive(Debug, thiserror::Error)]
@@ -169,11 +168,7 @@ impl RenderEngine {
         .and_then(|library| self.make(settings, rendered, size, library));
         match made {
             Ok(compiled) => {
-                self.compiled = Some(compiled);
-                self.is_outgrown = false;
-                self.is_edited = false;
-                self.refused = None;
-                self.clear();
+                self.take(compiled);
                 Ok(())
             }
             Err(error) => {
@@ -181,6 +176,14 @@ impl RenderEngine {
                 Err(error)
             }
         }
+    }
+
+    fn take(&mut self, compiled: Compiled) {
+        self.compiled = Some(compiled);
+        self.is_outgrown = false;
+        self.is_edited = false;
+        self.refused = None;
+        self.clear();
     }
 
     fn make(
@@ -215,14 +218,14 @@ impl RenderEngine {
     /// # Errors
     /// [`EngineError::Render`] naming the shader; what was there stays.
     pub fn reload(&mut self, library: ShaderLibrary) -> Result<(), EngineError> {
+        self.refused = None;
         let Some(compiled) = &self.compiled else {
-            self.refused = None;
             return Ok(());
         };
         let settings = Arc::clone(&compiled.settings);
         let (rendered, size) = (compiled.rendered, compiled.size);
-        self.compiled = Some(self.make(&settings, rendered, size, library)?);
-        self.clear();
+        let compiled = self.make(&settings, rendered, size, library)?;
+        self.take(compiled);
         Ok(())
     }
 
@@ -370,7 +373,6 @@ impl RenderEngine {
         &mut self,
         wanted: &Wanted,
         size: [u32; 2],
-        views: [View; 2],
         stats: FrameStats,
         reference: Option<&Reference>,
     ) -> Result<FrameReport, EngineError> {
@@ -393,7 +395,7 @@ impl RenderEngine {
             radii_m,
             other: None,
             seen,
-            views,
+            views: wanted.views,
             size,
             is_full: false,
             frames: self.frames(),
@@ -589,7 +591,7 @@ mod tests {
         assert_eq!(engine.radiance_at(place).unwrap(), None, "no frame yet");
         for index in 0..2 {
             let stats = engine.frame(index, &wanted, size).unwrap();
-            let report = engine.report(&wanted, size, views, stats, None);
+            let report = engine.report(&wanted, size, stats, None);
             assert_eq!(report.unwrap().frames, index + 1);
         }
         let mean = engine.mean(1).unwrap().unwrap();
@@ -609,5 +611,22 @@ mod tests {
         }
         engine.clear();
         assert_eq!(engine.radiance_at(place).unwrap(), None, "another view");
+    }
+
+    #[test]
+    fn what_was_refused_is_tried_again_with_other_shaders() {
+        let mut engine =
+            RenderEngine::new(Scene::builtin("plane").unwrap(), Arc::new(|_: &str| true));
+        let settings = Arc::new(Settings::default());
+        engine.prepare(&settings, Eyes::Left, [8, 8]).unwrap();
+        let mut broken = Settings::default();
+        broken.render.photon.count = 1;
+        broken.gpu.shader_folder = "no/such/folder".into();
+        let broken = Arc::new(broken);
+        assert!(engine.prepare(&broken, Eyes::Left, [8, 8]).is_err());
+        assert!(!engine.needs_renderer(&broken, Eyes::Left));
+        engine.reload(ShaderLibrary::embedded()).unwrap();
+        assert!(engine.needs_renderer(&broken, Eyes::Left));
+        assert!(!engine.needs_renderer(&settings, Eyes::Left));
     }
 }

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::layout::Layout;
 use crate::files;
 use crate::images::write_atomically;
+use crate::scene::builtin::PREFIX;
 use stereolux_base::user_folders;
 
 /// What is read of the file at most, bytes: it has a few lines.
@@ -92,7 +93,7 @@ impl WindowState {
 
     /// Puts a file first among those that were opened. Embedded scenes have a menu of their own.
     pub fn remember_file(&mut self, path: &str) {
-        if path.starts_with("builtin:") {
+        if path.starts_with(PREFIX) {
             return;
         }
         // Found again from wherever the next start is.

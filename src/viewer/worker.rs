@@ -542,9 +542,7 @@ impl Inner {
             reference.add(&wanted.views, index, wanted.scene_time_ns)?;
         }
         let reference = self.reference.as_ref();
-        let mut report = self
-            .engine
-            .report(wanted, size, wanted.views, stats, reference)?;
+        let mut report = self.engine.report(wanted, size, stats, reference)?;
         if self.pressure.gave_up().is_some() {
             self.give_up(wanted, size, began);
             return Ok(Turn::Go);

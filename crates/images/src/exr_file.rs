@@ -30,6 +30,15 @@ pub enum ExrSamples {
 }
 
 impl ExrSamples {
+    /// Real numbers, of 16 bits or of 32.
+    #[must_use]
+    pub fn real(samples: Vec<f32>, as_half: bool) -> Self {
+        match as_half {
+            true => Self::Half(samples),
+            false => Self::Float(samples),
+        }
+    }
+
     fn kind(&self) -> SampleType {
         match self {
             Self::Half(_) => SampleType::F16,
@@ -143,11 +152,10 @@ impl ExrFile {
     pub fn add_rgb(&mut self, prefix: &str, image: &ImageRgb, as_half: bool) {
         for (at, name) in ["R", "G", "B"].into_iter().enumerate() {
             let samples = image.pixels.iter().map(|pixel| pixel[at]).collect();
-            let samples = match as_half {
-                true => ExrSamples::Half(samples),
-                false => ExrSamples::Float(samples),
-            };
-            self.add(format!("{prefix}{name}"), samples);
+            self.add(
+                format!("{prefix}{name}"),
+                ExrSamples::real(samples, as_half),
+            );
         }
     }
 

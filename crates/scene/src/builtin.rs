@@ -5,6 +5,9 @@ use std::borrow::Cow;
 
 use super::{Environment, Scene, SceneError, generated, surroundings};
 
+/// What names of embedded scenes and surroundings begin with where files might be meant.
+pub const PREFIX: &str = "builtin:";
+
 /// Where an embedded scene's binary glTF comes from.
 enum Source {
     Stored(&'static [u8]),
@@ -80,13 +83,13 @@ pub fn glb(name: &str) -> Result<Cow<'static, [u8]>, SceneError> {
 }
 
 fn bare(name: &str) -> &str {
-    name.strip_prefix("builtin:").unwrap_or(name)
+    name.strip_prefix(PREFIX).unwrap_or(name)
 }
 
 /// See [`Scene::builtin`].
 pub(super) fn load(name: &str) -> Result<Scene, SceneError> {
     let name = bare(name);
-    let mut scene = Scene::from_bytes(&format!("builtin:{name}"), &glb(name)?)?;
+    let mut scene = Scene::from_bytes(&format!("{PREFIX}{name}"), &glb(name)?)?;
     scene.environment = environment(name)?;
     Ok(scene)
 }

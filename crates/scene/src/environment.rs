@@ -4,6 +4,7 @@ use std::path::Path;
 
 use image::ImageFormat;
 
+use super::builtin::PREFIX;
 use super::{SceneError, surroundings};
 use stereolux_base::decoding::Encoded;
 use stereolux_base::files;
@@ -87,7 +88,7 @@ pub fn load_environment_within(
             format!("environment.strength must be 0 or more, it is {strength}"),
         ));
     }
-    if let Some(name) = path.to_str().and_then(|path| path.strip_prefix("builtin:")) {
+    if let Some(name) = path.to_str().and_then(|path| path.strip_prefix(PREFIX)) {
         return Ok((surroundings::environment(name, strength)?, Vec::new()));
     }
     let bytes =

@@ -528,8 +528,9 @@ impl Scene {
     }
 
     fn framing_pose(&self) -> Pose {
-        /// How far above the middle the eye stands, as a share of the height.
+        /// How far above the middle the eye stands, as a share of the height, or of the width or depth of what has next to none.
         const LIFT: f64 = 0.1;
+        const FLAT: f64 = 0.01;
         /// Room between the picture's border and the scene.
         const MARGIN: f64 = 1.05;
         let Some(bounds) = self.bounds_in_world() else {
@@ -544,8 +545,10 @@ impl Scene {
             1.0
         };
         let center = bounds.center();
+        let broad = size.max_element();
+        let lift = LIFT * if size.y < FLAT * broad { broad } else { size.y };
         Pose {
-            position: DVec3::new(center.x, center.y + LIFT * size.y, bounds.max.z + distance),
+            position: DVec3::new(center.x, center.y + lift, bounds.max.z + distance),
             orientation: DQuat::IDENTITY,
         }
     }

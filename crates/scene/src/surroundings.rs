@@ -5,6 +5,7 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
+use super::builtin::PREFIX;
 use super::generated::{fractal, smooth};
 use super::{Environment, SceneError};
 use stereolux_base::printable::did_you_mean;
@@ -29,7 +30,7 @@ pub(super) fn environment(name: &str, strength: f32) -> Result<Environment, Scen
             let known = NAMES.join(", ");
             let reason = format!("no such embedded environment{hint}; the names are {known}");
             return Err(SceneError::invalid(
-                Path::new(&format!("builtin:{name}")),
+                Path::new(&format!("{PREFIX}{name}")),
                 reason,
             ));
         }
@@ -46,7 +47,7 @@ pub(super) fn environment(name: &str, strength: f32) -> Result<Environment, Scen
         width: COLUMNS,
         height: rows,
         radiance: texels.collect(),
-        name: format!("builtin:{name}"),
+        name: format!("{PREFIX}{name}"),
     })
 }
 

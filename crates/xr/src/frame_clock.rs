@@ -118,10 +118,10 @@ impl FrameOrder {
         }
     }
 
-    /// Checks that a frame is under way.
-    pub(super) fn may_locate(&self) -> Result<(), XrError> {
+    /// Checks that a frame is under way, for a call of that name.
+    pub(super) fn may_locate(&self, call: &'static str) -> Result<(), XrError> {
         match self.phase {
-            Phase::Idle => self.refuse("locate_views"),
+            Phase::Idle => self.refuse(call),
             _ => Ok(()),
         }
     }
@@ -176,14 +176,14 @@ mod tests {
         };
         let mut order = FrameOrder::default();
         assert!(order.begin().is_err());
-        assert!(order.may_locate().is_err());
+        assert!(order.may_locate("locate_views").is_err());
         assert!(order.end(7).is_err());
         order.may_wait().unwrap();
         order.waited(&frame);
         assert!(order.may_wait().is_err());
         assert!(order.may_acquire().is_err());
         assert!(order.end(7).is_err());
-        order.may_locate().unwrap();
+        order.may_locate("locate_views").unwrap();
         order.begin().unwrap();
         assert!(order.begin().is_err());
         order.may_acquire().unwrap();

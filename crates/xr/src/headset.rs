@@ -147,21 +147,6 @@ impl Headset {
         Ok(self)
     }
 
-    /// Another number of pixels per eye.
-    ///
-    /// # Errors
-    /// A side is 0 or over 16,384.
-    pub fn with_size(mut self, width: u32, height: u32) -> Result<Self, XrError> {
-        if !(1..=MAX_SIZE).contains(&width) || !(1..=MAX_SIZE).contains(&height) {
-            return Err(super::ArgumentError(format!(
-                "size {width}x{height}: each side must be between 1 and {MAX_SIZE} pixels"
-            ))
-            .into());
-        }
-        self.size = [width, height];
-        Ok(self)
-    }
-
     /// Another refresh rate; any rate, not only those that the real display offers.
     ///
     /// # Errors

@@ -218,7 +218,7 @@ impl ReplaySession {
         display_time_ns: i64,
         of: impl FnOnce(&TraceFrame) -> LocatedViews,
     ) -> Result<Option<LocatedViews>, XrError> {
-        self.order.may_locate()?;
+        self.order.may_locate("locate_views")?;
         match &self.recording {
             Recording::Native(trace) => {
                 let frame = trace
@@ -331,7 +331,7 @@ impl XrSession for ReplaySession {
     }
 
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
-        self.order.may_locate()?;
+        self.order.may_locate("locate_input")?;
         // Head trajectories have no hands, and a frame at another time is refused by `locate_views`.
         let Recording::Native(trace) = &self.recording else {
             return Ok(Input::default());

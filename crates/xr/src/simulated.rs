@@ -244,7 +244,7 @@ impl XrSession for SimulatedSession {
     }
 
     fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
-        self.order.may_locate()?;
+        self.order.may_locate("locate_views")?;
         let mut head = self.head_at(display_time_ns);
         head.position += self.moved_m;
         Ok(Some(LocatedViews::valid(
@@ -253,7 +253,7 @@ impl XrSession for SimulatedSession {
     }
 
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
-        self.order.may_locate()?;
+        self.order.may_locate("locate_input")?;
         let mut input = self.hands.at(display_time_ns);
         for hand in &mut input.hands {
             let tracked = [&mut hand.grip, &mut hand.aim].into_iter().flatten();

@@ -166,29 +166,11 @@ impl Kept {
     /// What egui is told of a frame.
     fn input(&mut self, now: Pointer) -> RawInput {
         let size = self.pixels.map(|count| count as f32);
-        let mut input = RawInput {
+        RawInput {
             screen_rect: Some(Rect::from_min_size(Pos2::ZERO, size.into())),
+            events: events(std::mem::replace(&mut self.pointer, now), now),
             ..RawInput::default()
-        };
-        let before = std::mem::replace(&mut self.pointer, now);
-        if let Some(at) = now.at.filter(|at| before.at != Some(*at)) {
-            input.events.push(Event::PointerMoved(at));
         }
-        // Where the pointer has left, the button goes up where it was last.
-        if let Some(pos) = now.at.or(before.at)
-            && before.pressing.is_some() != now.pressing.is_some()
-        {
-            input.events.push(Event::PointerButton {
-                pos,
-                button: PointerButton::Primary,
-                pressed: now.pressing.is_some(),
-                modifiers: egui::Modifiers::NONE,
-            });
-        }
-        if now.at.is_none() && before.at.is_some() {
-            input.events.push(Event::PointerGone);
-        }
-        input
     }
 
     /// Runs the widgets; the new picture, if it is another one.
@@ -212,6 +194,35 @@ impl Kept {
         self.canvas.draw(&primitives);
         Some(self.canvas.rgba8())
     }
+}
+
+/// What egui is told of the hands from one frame to the next.
+fn events(mut before: Pointer, now: Pointer) -> Vec<Event> {
+    let mut events = Vec::new();
+    let press = |pos, pressed| Event::PointerButton {
+        pos,
+        button: PointerButton::Primary,
+        pressed,
+        modifiers: egui::Modifiers::NONE,
+    };
+    // One hand lets go before the other presses.
+    let is_another = |side| now.pressing.is_some_and(|now| now != side);
+    if before.pressing.take_if(|side| is_another(*side)).is_some() {
+        events.extend(before.at.map(|pos| press(pos, false)));
+    }
+    if let Some(at) = now.at.filter(|at| before.at != Some(*at)) {
+        events.push(Event::PointerMoved(at));
+    }
+    // Where the pointer has left, the button goes up where it was last.
+    if let Some(pos) = now.at.or(before.at)
+        && before.pressing.is_some() != now.pressing.is_some()
+    {
+        events.push(press(pos, now.pressing.is_some()));
+    }
+    if now.at.is_none() && before.at.is_some() {
+        events.push(Event::PointerGone);
+    }
+    events
 }
 
 impl World<'_> {
@@ -328,5 +339,42 @@ impl World<'_> {
                 begins(side).then_some(side)
             }),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_hand_lets_go_before_the_other_presses() {
+        let pointer = |x, pressing| Pointer {
+            at: Some(Pos2::new(x, 1.0)),
+            pressing: Some(pressing),
+        };
+        let told = events(pointer(1.0, Side::Left), pointer(5.0, Side::Right));
+        let places = told.iter().map(|event| match event {
+            Event::PointerMoved(at) => (at.x, None),
+            Event::PointerButton { pos, pressed, .. } => (pos.x, Some(*pressed)),
+            other => panic!("{other:?}"),
+        });
+        let expected = [(1.0, Some(false)), (5.0, None), (5.0, Some(true))];
+        assert_eq!(places.collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn a_button_goes_up_where_the_pointer_left() {
+        let before = Pointer {
+            at: Some(Pos2::new(3.0, 1.0)),
+            pressing: Some(Side::Left),
+        };
+        let told = events(before, Pointer::default());
+        assert!(matches!(
+            told[..],
+            [
+                Event::PointerButton { pos, pressed: false, .. },
+                Event::PointerGone
+            ] if pos.x == 3.0
+        ));
     }
 }

@@ -159,7 +159,7 @@ pub fn plans(options: &BenchOptions) -> Result<Vec<GroupPlan>, BenchError> {
         Suite::Stereo => stereo::plans(&base)?,
         Suite::Pareto => pareto::plans(&base)?,
         Suite::Scaling => scaling::plans(&base)?,
-        // It compares no variants ([`super::work`]).
+        // They compare no variants ([`super::motion`], [`super::work`]).
         Suite::Motion | Suite::Work => Vec::new(),
         Suite::Smoke => {
             let mut all = tables::plans(&base)?;
@@ -184,7 +184,7 @@ pub(super) fn framing_headset(
     scene: &Scene,
 ) -> Result<(Headset, String), BenchError> {
     let own = Headset::load(&settings.headset)?;
-    let camera = scene.cameras.first().and_then(|camera| camera.yfov_rad);
+    let camera = scene.start_camera().and_then(|camera| camera.yfov_rad);
     let Some(yfov_rad) = camera else {
         let label = format!("{}, its own view", own.name);
         return Ok((own, label));

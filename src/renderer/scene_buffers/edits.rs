@@ -60,7 +60,7 @@ impl SceneBuffers {
     /// Uploads another map of surroundings; light records follow with the next edit. True if its buffers are others now.
     ///
     /// # Errors
-    /// A map that the adapter cannot bind; the buffers then hold what they held.
+    /// A map that the adapter cannot bind.
     pub(in crate::renderer) fn write_environment(
         &mut self,
         context: &GpuContext,

@@ -179,7 +179,7 @@ fn file(app: &mut App, ui: &mut Ui) {
     ui.menu_button("Embedded scenes", |ui| {
         for name in builtin::NAMES {
             if entry(ui, true, name, "") {
-                app.open(&context, format!("builtin:{name}"));
+                app.open(&context, format!("{}{name}", builtin::PREFIX));
             }
         }
     });

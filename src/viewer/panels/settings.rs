@@ -25,7 +25,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     ui.horizontal(|ui| {
         let reset = ui
             .button("Reset all")
-            .on_hover_text("all settings but the scene and the adapter");
+            .on_hover_text("all settings but the scene, its environment and the adapter");
         if reset.clicked() {
             let now = app.panel_settings();
             let kept = Settings {

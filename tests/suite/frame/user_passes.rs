@@ -106,7 +106,7 @@ fn every_fault_of_a_pass_is_one_line_and_leaves_nothing() {
     // Names that are unknown, not in this plan, over no image; a circle; names that are taken and no names; faults of the
     // shader; files that are not there, misspelt, no table.
     for (passes, source, says) in [
-        (&own("eye_combin"), &good, "eye_combin; \"eye_combine\""),
+        (&own("eye_combin"), &good, "eye_combin; 'eye_combine'"),
         (&own("svgf_atrous"), &good, "svgf_atrous; does not run"),
         (&own("photon_append"), &good, "photon_append; does not run"),
         (&circle, &good, "circle of a, b"),

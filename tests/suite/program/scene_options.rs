@@ -182,6 +182,13 @@ fn a_cameras_angles_are_taken_unless_others_are_given() {
         near(width, 2.0);
         assert!(!text.contains("Front"), "{text}");
     }
+    let file = std::fs::read_to_string(&scene).unwrap();
+    let perspective = r#""perspective","name":"Front","perspective":{"yfov":0.5,"znear":0.1}"#;
+    let parallel =
+        r#""orthographic","name":"Front","orthographic":{"xmag":1,"ymag":1,"znear":0.1,"zfar":9}"#;
+    assert!(file.contains(perspective));
+    std::fs::write(&scene, file.replace(perspective, parallel)).unwrap();
+    assert_says(&fov(&[]).1, &["'Front', with the headset's angles"]);
 }
 
 #[test]

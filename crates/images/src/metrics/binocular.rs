@@ -2,6 +2,7 @@
 //!
 //! An error that is the same in both eyes looks like paint on the surface; one that differs fights between the eyes.
 
+use super::comparison::relative_square;
 use super::{BlockedMean, MetricsError, finite, is_finite, mean_square, require_size};
 use crate::images::{Image, ImageRgb};
 
@@ -63,10 +64,9 @@ pub fn binocular_error(
         pairs += 1;
         let (mut relative_here, mut square_here) = (0.0, 0.0);
         for channel in 0..3 {
-            let difference = f64::from(right[channel]) - f64::from(left[channel]);
-            if difference != 0.0 {
-                relative_here += difference * difference / (f64::from(r[channel]).powi(2) + floor);
-            }
+            let [left, right, r] = [left, right, r].map(|of| f64::from(of[channel]));
+            let difference = right - left;
+            relative_here += relative_square(difference, r, floor);
             square_here += difference * difference;
         }
         relative.add(index, width, relative_here / 3.0);

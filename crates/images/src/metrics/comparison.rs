@@ -136,9 +136,8 @@ pub fn compare_and_keep(
     })
 }
 
-/// (x - r)^2 / (r^2 + floor) of one channel.
-fn relative_square(x: f64, r: f64, floor: f64) -> f64 {
-    let error = x - r;
+/// Error e of one channel by its reference r: e^2 / (r^2 + floor).
+pub(super) fn relative_square(error: f64, r: f64, floor: f64) -> f64 {
     // Equal values are no error whatever the scale, also where the whole reference is black.
     if error == 0.0 {
         return 0.0;
@@ -162,7 +161,7 @@ pub fn rel_mse_map(
             return None;
         }
         let sum: f64 = (0..3)
-            .map(|c| relative_square(f64::from(x[c]), f64::from(r[c]), floor))
+            .map(|c| relative_square(f64::from(x[c]) - f64::from(r[c]), f64::from(r[c]), floor))
             .sum();
         Some(sum / 3.0).filter(|error| error.is_finite())
     };
@@ -214,7 +213,7 @@ fn compare_by(
         let [mut relative_here, mut square_here, mut difference_here] = [0.0; 3];
         for channel in 0..3 {
             let error = x[channel] - r[channel];
-            relative_here += relative_square(x[channel], r[channel], floor);
+            relative_here += relative_square(x[channel] - r[channel], r[channel], floor);
             square_here += error * error;
             difference_here += error;
             sum[channel] += x[channel];

@@ -94,7 +94,7 @@ impl Document {
     /// As [`Document::load`].
     pub fn load_within(spec: &str, budget: &LoadBudget) -> Result<Self, SceneError> {
         let path = Path::new(spec);
-        let is_embedded = spec.starts_with("builtin:");
+        let is_embedded = spec.starts_with(builtin::PREFIX);
         let bytes = if is_embedded {
             builtin::glb(spec)?.into_owned()
         } else {

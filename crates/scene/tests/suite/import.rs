@@ -497,6 +497,12 @@ fn lights_cameras_and_the_start_pose() {
         (1.0 - pose.position.y).max(pose.position.y) <= pose.position.z,
         "{pose:?}"
     );
+    // What lies flat is not seen edge-on.
+    let flat = with(|doc| {
+        doc.json["nodes"][0]["rotation"] = json!([-0.5_f64.sqrt(), 0, 0, 0.5_f64.sqrt()]);
+    });
+    let pose = flat.load().unwrap().start_pose();
+    assert!((pose.position.y - 0.1).abs() < 1e-6, "{pose:?}");
 }
 
 #[test]

@@ -432,7 +432,7 @@ impl XrSession for OpenXrSession {
     }
 
     fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
-        self.order.may_locate()?;
+        self.order.may_locate("locate_views")?;
         let time = self.clock.of_runtime(display_time_ns);
         let Some(live) = self.usable() else {
             return Ok(None);
@@ -464,7 +464,7 @@ impl XrSession for OpenXrSession {
     }
 
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
-        self.order.may_locate()?;
+        self.order.may_locate("locate_input")?;
         let time = self.clock.of_runtime(display_time_ns);
         let world_from_space = self.locomotion.world_from_space();
         let Some(live) = self.usable() else {
