@@ -1,6 +1,6 @@
 //! The reference that the error view compares with: path traced, one frame at a time, while nothing else changes.
 
-use super::render_engine::{EngineError, library, mean_of};
+use super::render_engine::{EngineError, animate, library, mean_of};
 use crate::gpu::{Gate, GpuContext, ShaderLibrary};
 use crate::images::ImageRgb;
 use crate::renderer::Renderer;
@@ -16,6 +16,8 @@ pub struct Reference {
     renderer: Renderer,
     library: ShaderLibrary,
     size: [u32; 2],
+    /// An animation has moved the renderer's scene.
+    is_animated: bool,
 }
 
 impl Reference {
@@ -53,23 +55,24 @@ impl Reference {
             renderer,
             library,
             size,
+            is_animated: false,
         })
     }
 
-    /// Adds a frame of `views`.
+    /// Adds a frame of `views`; `scene` is the one that it was made of.
     ///
     /// # Errors
     /// [`EngineError`].
     pub fn add(
         &mut self,
+        scene: &Scene,
         views: &[View; 2],
         index: u32,
         scene_time_ns: Option<i64>,
     ) -> Result<(), EngineError> {
         let index = FIRST_FRAME.wrapping_add(index);
-        if let Some(time_ns) = scene_time_ns {
-            self.renderer.animate(time_ns);
-        }
+        let is_animated = &mut self.is_animated;
+        animate(&mut self.renderer, scene, scene_time_ns, is_animated);
         self.renderer.render_frame(views, index, |_| {})?;
         self.renderer.average(&self.library, None)?;
         Ok(())

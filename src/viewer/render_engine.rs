@@ -80,6 +80,8 @@ struct Compiled {
     settings: Arc<Settings>,
     rendered: Eyes,
     size: [u32; 2],
+    /// An animation has moved the renderer's scene.
+    is_animated: bool,
 }
 
 impl RenderEngine {
@@ -210,6 +212,7 @@ impl RenderEngine {
             settings: Arc::clone(settings),
             rendered,
             size,
+            is_animated: false,
         })
     }
 
@@ -272,14 +275,17 @@ impl RenderEngine {
         wanted: &Wanted,
         size: [u32; 2],
     ) -> Result<FrameStats, EngineError> {
-        let compiled = self.compiled()?;
+        let compiled = self.compiled.as_mut().ok_or(EngineError::NoRenderer)?;
         if compiled.size != size {
             compiled.renderer.resize(size)?;
             compiled.size = size;
         }
-        if let Some(time_ns) = wanted.scene_time_ns {
-            compiled.renderer.animate(time_ns);
-        }
+        let Compiled {
+            renderer,
+            is_animated,
+            ..
+        } = compiled;
+        animate(renderer, &self.scene, wanted.scene_time_ns, is_animated);
         let result = compiled
             .renderer
             .render_frame(&wanted.views, index, |_| {})?;
@@ -515,6 +521,22 @@ impl RenderEngine {
     }
 }
 
+/// Takes a renderer's scene to where its animation has it, or back to where its nodes have it once that is stopped.
+/// `is_animated` says whether it was elsewhere, and will.
+pub fn animate(
+    renderer: &mut Renderer,
+    scene: &Scene,
+    time_ns: Option<i64>,
+    is_animated: &mut bool,
+) {
+    let was_animated = std::mem::replace(is_animated, time_ns.is_some());
+    match time_ns {
+        Some(time_ns) => renderer.animate(time_ns),
+        None if was_animated => renderer.set_pose(&scene.rest_pose()),
+        None => {}
+    }
+}
+
 /// Mean radiance over a renderer's frames of an eye, 0 left or 1 right; `None` if there is none.
 ///
 /// # Errors
@@ -611,6 +633,50 @@ mod tests {
         }
         engine.clear();
         assert_eq!(engine.radiance_at(place).unwrap(), None, "another view");
+    }
+
+    #[test]
+    fn what_an_animation_has_moved_is_back_once_it_is_stopped() {
+        let scene = Scene::builtin("parade").unwrap();
+        let mut settings = Settings::default();
+        settings.render.method = crate::settings::Method::Path;
+        settings.render.path.max_depth = 1;
+        let settings = Arc::new(settings);
+        let headset = crate::xr::Headset::load(&settings.headset).unwrap();
+        let size = [24, 24];
+        let mut wanted = Wanted {
+            number: 0,
+            settings: Arc::clone(&settings),
+            other: None,
+            views: headset.views_from_head(&scene.start_pose()),
+            rendered: Eyes::Left,
+            scene_time_ns: None,
+            size,
+            view_mode: ViewMode::Picture,
+            stands: false,
+        };
+        let reference = Reference::new(&scene, &settings, size, Arc::new(|_: &str| true));
+        let mut reference = reference.unwrap();
+        let mut engine = RenderEngine::new(scene.clone(), Arc::new(|_: &str| true));
+        engine.prepare(&settings, Eyes::Left, size).unwrap();
+        // One frame's noise everywhere: what stands alike is alike to the bit.
+        let mut shown_at = |seconds: Option<f64>| {
+            wanted.scene_time_ns = seconds.map(|seconds| (seconds * 1e9) as i64);
+            engine.clear();
+            engine.frame(0, &wanted, size).unwrap();
+            reference.clear();
+            let at = wanted.scene_time_ns;
+            reference.add(&scene, &wanted.views, 0, at).unwrap();
+            [engine.mean(0), reference.mean(0)].map(|mean| mean.unwrap().unwrap().pixels)
+        };
+        let rest = shown_at(None);
+        shown_at(Some(0.0));
+        let moved = shown_at(Some(0.7));
+        let stopped = shown_at(None);
+        for (one, two) in rest.iter().zip(&moved) {
+            assert!(one != two, "nothing moves");
+        }
+        assert!(rest == stopped, "not where the nodes have it");
     }
 
     #[test]

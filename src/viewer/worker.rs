@@ -539,7 +539,8 @@ impl Inner {
                     )?)
                 }
             };
-            reference.add(&wanted.views, index, wanted.scene_time_ns)?;
+            let scene = self.engine.scene();
+            reference.add(scene, &wanted.views, index, wanted.scene_time_ns)?;
         }
         let reference = self.reference.as_ref();
         let mut report = self.engine.report(wanted, size, stats, reference)?;
