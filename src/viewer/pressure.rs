@@ -26,8 +26,35 @@ pub struct Pressure {
     asked: AtomicU8,
     gave_up: AtomicBool,
     lost_photons: AtomicBool,
-    /// When the frame began, and when its eyes did, after the photons.
-    began: Mutex<(Instant, Option<Instant>)>,
+    began: Mutex<Began>,
+}
+
+/// When the parts of a frame began.
+struct Began {
+    frame: Instant,
+    /// If the frame traces any.
+    photons: Option<Instant>,
+    /// After the photons.
+    eyes: Option<Instant>,
+}
+
+impl Began {
+    fn now() -> Self {
+        Self {
+            frame: Instant::now(),
+            photons: None,
+            eyes: None,
+        }
+    }
+
+    /// How long the eyes are let be if another view of the scene is asked for: as long as the photons took, or a frame that
+    /// has to trace them whenever something moves would never be shown.
+    fn patience(&self) -> Duration {
+        let traced = self.photons.zip(self.eyes);
+        traced.map_or(LET_BE, |(photons, eyes)| {
+            LET_BE.max(eyes.saturating_duration_since(photons))
+        })
+    }
 }
 
 impl Default for Pressure {
@@ -36,7 +63,7 @@ impl Default for Pressure {
             asked: AtomicU8::new(Asked::Nothing as u8),
             gave_up: AtomicBool::new(false),
             lost_photons: AtomicBool::new(false),
-            began: Mutex::new((Instant::now(), None)),
+            began: Mutex::new(Began::now()),
         }
     }
 }
@@ -61,7 +88,7 @@ impl Pressure {
     pub fn begin(&self) {
         self.gave_up.store(false, Ordering::Relaxed);
         self.lost_photons.store(false, Ordering::Relaxed);
-        *self.began.lock().unwrap_or_else(PoisonError::into_inner) = (Instant::now(), None);
+        *self.began.lock().unwrap_or_else(PoisonError::into_inner) = Began::now();
     }
 
     /// Whether a pass of the frame is still wanted. Once one is not, none of the frame is.
@@ -75,11 +102,19 @@ impl Pressure {
             // Photons may have taken long, and poses come before them: the eyes are let be as long as without them.
             let is_of_eyes = pass.starts_with("left.") || pass.starts_with("right.");
             if is_of_eyes {
-                began.1.get_or_insert_with(Instant::now);
+                began.eyes.get_or_insert_with(Instant::now);
+            } else if is_photons {
+                began.photons.get_or_insert_with(Instant::now);
             }
-            let began = if is_photons { Some(began.0) } else { began.1 };
+            let (since, patience) = if is_photons {
+                (Some(began.frame), LET_BE)
+            } else if asked == Asked::View as u8 {
+                (began.eyes, began.patience())
+            } else {
+                (began.eyes, LET_BE)
+            };
             let is_late =
-                asked == Asked::Stop as u8 || began.is_some_and(|began| began.elapsed() > LET_BE);
+                asked == Asked::Stop as u8 || since.is_some_and(|since| since.elapsed() > patience);
             if !(is_pressing && is_late) {
                 return true;
             }
@@ -138,5 +173,27 @@ mod tests {
         pressure.ask(Asked::Stop);
         assert!(!pressure.admits("photons.trace"));
         assert_eq!(pressure.gave_up(), Some(true));
+    }
+
+    #[test]
+    fn eyes_are_let_be_as_long_as_the_photons_before_them_took_while_the_scene_is_the_same() {
+        let pressure = Pressure::default();
+        let traced = || {
+            pressure.serve();
+            pressure.begin();
+            assert!(pressure.admits("photons.trace"));
+            std::thread::sleep(6 * LET_BE);
+            assert!(pressure.admits("left.primary"));
+        };
+        traced();
+        pressure.ask(Asked::View);
+        std::thread::sleep(2 * LET_BE);
+        assert!(pressure.admits("left.gather"));
+        pressure.ask(Asked::Scene);
+        assert!(!pressure.admits("left.gather"), "of another scene");
+        traced();
+        pressure.ask(Asked::View);
+        std::thread::sleep(7 * LET_BE);
+        assert!(!pressure.admits("left.gather"), "longer than the photons");
     }
 }
