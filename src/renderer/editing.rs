@@ -167,8 +167,10 @@ fn glows_otherwise(before: &Material, after: &Material) -> bool {
 impl Renderer {
     /// The last frame was given up between its passes ([`GpuContext::set_gate`](crate::gpu::GpuContext::set_gate)): nothing
     /// is taken over from it, and without its photons they are all traced anew. Whether meshes took its pose nobody knows.
-    pub(crate) fn give_up_frame(&mut self, without_photons: bool) {
+    /// `mean_frames` that the mean had before stay in it.
+    pub(crate) fn give_up_frame(&mut self, without_photons: bool, mean_frames: u32) {
         self.forget_frames();
+        self.still.frames = mean_frames;
         if let Some(deformer) = self.scene.deformer_mut() {
             deformer.pose_again();
         }

@@ -43,7 +43,7 @@ impl DisplayPixels {
 #[derive(Default)]
 pub(super) struct StillView {
     pass: Option<(Kernel, wgpu::Buffer)>,
-    frames: u32,
+    pub(super) frames: u32,
     size: [u32; 2],
 }
 

@@ -520,7 +520,13 @@ impl App {
     }
 
     pub(super) fn screenshot(&mut self) {
-        self.ask(Request::Screenshot(self.out.clone()));
+        let request = Request::Screenshot(self.out.clone());
+        if self.is_stopped && self.is_up_to_date() {
+            // Of what is shown, which stays.
+            self.worker.ask(request);
+        } else {
+            self.ask(request);
+        }
     }
 
     pub(super) fn reload_shaders(&mut self) {

@@ -83,6 +83,10 @@ impl App {
             // The field has lost the keyboard by it.
         } else if self.shows_help {
             self.shows_help = false;
+        } else if self.shows_log {
+            self.shows_log = false;
+        } else if self.messages.iter().any(|message| message.is_error) {
+            self.messages.retain(|message| !message.is_error);
         } else if self.loading.is_some() {
             self.cancel_loading();
             self.say(context, "reading was cancelled", false);

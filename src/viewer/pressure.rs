@@ -79,6 +79,11 @@ impl Pressure {
         self.asked.load(Ordering::Relaxed) != Asked::Nothing as u8
     }
 
+    /// Whether it was to stop.
+    pub fn is_to_stop(&self) -> bool {
+        self.asked.load(Ordering::Relaxed) == Asked::Stop as u8
+    }
+
     /// What is asked for is known from here on, and served next.
     pub fn serve(&self) {
         self.asked.store(Asked::Nothing as u8, Ordering::Relaxed);

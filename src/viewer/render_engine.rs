@@ -253,12 +253,16 @@ impl RenderEngine {
         Ok(true)
     }
 
-    /// The frame that was just rendered was given up: nothing of it is kept.
-    pub fn give_up(&mut self, without_photons: bool) {
+    /// The frame that was just rendered was given up: nothing of it is kept. `mean_frames` before it are, with what their
+    /// pixels see.
+    pub fn give_up(&mut self, without_photons: bool, mean_frames: u32) {
         if let Some(compiled) = &mut self.compiled {
-            compiled.renderer.give_up_frame(without_photons);
+            let renderer = &mut compiled.renderer;
+            renderer.give_up_frame(without_photons, mean_frames);
         }
-        self.clear();
+        if mean_frames == 0 {
+            self.clear();
+        }
     }
 
     fn compiled(&mut self) -> Result<&mut Compiled, EngineError> {

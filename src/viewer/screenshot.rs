@@ -13,7 +13,8 @@ use crate::xr::Pose;
 
 /// Writes `view_NNNN.png` (the layout's eyes side by side, tone mapped), `view_NNNN_left.exr` and `view_NNNN_right.exr`
 /// (linear radiance, mean of the frames so far; those eyes alone) and `view_NNNN.json` (from where, and how many frames)
-/// under `folder`, with the first number that is free. Returns a line for people.
+/// under `folder`, with the first number that is free. `frames` as the window counts them: a reconstructed picture is a mean
+/// of more than the device's. Returns a line for people.
 ///
 /// # Errors
 /// [`EngineError::Image`] naming the file.
@@ -22,6 +23,7 @@ pub fn write(
     engine: &RenderEngine,
     wanted: &Wanted,
     size: [u32; 2],
+    frames: u32,
 ) -> Result<String, EngineError> {
     let cannot = |reason: String| {
         EngineError::Image(ImageError::Unwritable {
@@ -42,7 +44,7 @@ pub fn write(
     }
     let [left_view, right_view] = &wanted.views;
     let about = json!({
-        "frames": engine.frames(),
+        "frames": frames,
         "size": size,
         "scene": engine.scene().name,
         "left_eye": pose_words(&Pose::new(left_view.position_in_world, left_view.orientation)),

@@ -251,6 +251,16 @@ struct Shown {
     size: [u32; 2],
 }
 
+impl Shown {
+    fn of(wanted: &Wanted) -> Self {
+        Self {
+            views: wanted.views,
+            scene_time_ns: wanted.scene_time_ns,
+            size: wanted.size,
+        }
+    }
+}
+
 /// The thread's end.
 struct Inner {
     wanted: Arc<Mutex<Wanted>>,
@@ -325,6 +335,7 @@ impl Inner {
                 match &next {
                     Request::Quit => return,
                     Request::Radiance(_) => {}
+                    Request::Screenshot(_) if self.is_stopped && self.stands() => {}
                     other => {
                         is_at_rest = false;
                         self.is_stopped = matches!(other, Request::Stop);
@@ -361,7 +372,14 @@ impl Inner {
                 }
                 self.restart();
             }
-            Request::Screenshot(folder) => self.screenshots.push(folder),
+            Request::Screenshot(folder) => {
+                self.screenshots.push(folder);
+                if self.is_stopped {
+                    let wanted = self.wanted();
+                    let frames = self.engine.frames().max(self.full_frames);
+                    self.write_screenshots(&wanted, wanted.size, frames);
+                }
+            }
             Request::Radiance(place) => {
                 self.pointed = Some(place);
                 match self.engine.radiance_at(place) {
@@ -387,6 +405,15 @@ impl Inner {
                 self.restart();
             }
         }
+    }
+
+    /// Whether what is shown is what is wanted, in full size.
+    fn stands(&self) -> bool {
+        let wanted = self.wanted();
+        let is_whole = self.full_frames > 0 && self.engine.frames() > 0;
+        is_whole
+            && self.answered == wanted.number
+            && self.shown.as_ref() == Some(&Shown::of(&wanted))
     }
 
     /// The next picture begins anew.
@@ -459,11 +486,7 @@ impl Inner {
     /// Pixels per eye of the next frame, which begins a new picture where what is shown or its size is another; `None` once
     /// the picture is finished.
     fn next_size(&mut self, wanted: &Wanted) -> Option<[u32; 2]> {
-        let now = Shown {
-            views: wanted.views,
-            scene_time_ns: wanted.scene_time_ns,
-            size: wanted.size,
-        };
+        let now = Shown::of(wanted);
         let is_new = self.shown.as_ref() != Some(&now);
         if is_new {
             self.picture += 1;
@@ -500,11 +523,13 @@ impl Inner {
         };
         self.pressure.begin();
         let began = Instant::now();
+        let other = self.other.as_ref().map_or(0, RenderEngine::frames);
+        let mean_frames = [self.engine.frames(), other];
         let index = self.frame_index;
         self.frame_index = self.frame_index.wrapping_add(1);
         let stats = self.engine.frame(index, wanted, size)?;
         if self.pressure.gave_up().is_some() {
-            self.give_up(wanted, size, began);
+            self.give_up(wanted, size, began, mean_frames);
             return Ok(Turn::Go);
         }
         let photons_ms = stats.gpu_ms.photons;
@@ -545,7 +570,7 @@ impl Inner {
         let reference = self.reference.as_ref();
         let mut report = self.engine.report(wanted, size, stats, reference)?;
         if self.pressure.gave_up().is_some() {
-            self.give_up(wanted, size, began);
+            self.give_up(wanted, size, began, mean_frames);
             return Ok(Turn::Go);
         }
         self.note_cost(
@@ -576,17 +601,18 @@ impl Inner {
                 log::debug!("device memory: {bytes} bytes");
             }
         }
+        let frames = report.frames;
         self.report(Report::Frame(Box::new(report)));
         if self.divisor == 1 {
-            self.write_screenshots(wanted, size);
+            self.write_screenshots(wanted, size, frames);
             self.full_frames = self.full_frames.saturating_add(1);
             self.stock_views(wanted, size)?;
         }
         Ok(Turn::Go)
     }
 
-    /// The frame in hand was given up.
-    fn give_up(&mut self, wanted: &Wanted, size: [u32; 2], began: Instant) {
+    /// The frame in hand was given up. Of those before it, `mean_frames` of both settings were in the mean.
+    fn give_up(&mut self, wanted: &Wanted, size: [u32; 2], began: Instant, mean_frames: [u32; 2]) {
         let Some(without_photons) = self.pressure.gave_up() else {
             return;
         };
@@ -596,9 +622,19 @@ impl Inner {
             size[1],
             milliseconds_since(began)
         );
-        self.engine.give_up(without_photons);
+        // What is shown stays when refining stops: whatever is asked of it then is asked of the frames that made it.
+        let stays = self.pressure.is_to_stop() && mean_frames[0] > 0;
+        let kept = if stays { mean_frames } else { [0; 2] };
+        self.engine.give_up(without_photons, kept[0]);
         if let Some(other) = &mut self.other {
-            other.give_up(without_photons);
+            other.give_up(without_photons, kept[1]);
+        }
+        if stays {
+            if let Some(reference) = &mut self.reference {
+                // It may have counted the frame.
+                reference.clear();
+            }
+            return;
         }
         if self.is_preview {
             // It took too long for the hand.
@@ -649,9 +685,9 @@ impl Inner {
         Ok(())
     }
 
-    fn write_screenshots(&mut self, wanted: &Wanted, size: [u32; 2]) {
+    fn write_screenshots(&mut self, wanted: &Wanted, size: [u32; 2], frames: u32) {
         for folder in std::mem::take(&mut self.screenshots) {
-            let written = screenshot::write(&folder, &self.engine, wanted, size);
+            let written = screenshot::write(&folder, &self.engine, wanted, size, frames);
             self.report(match written {
                 Ok(paths) => Report::Done(paths),
                 Err(error) => Report::Failed(error.to_string()),

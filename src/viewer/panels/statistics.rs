@@ -61,6 +61,11 @@ fn status(app: &App, ui: &mut Ui) {
         ui.separator();
         let plural = if frame.frames == 1 { "" } else { "s" };
         ui.label(format!("{} frame{plural} averaged", frame.frames));
+        if app.is_stopped {
+            ui.separator();
+            ui.strong("stopped")
+                .on_hover_text("any change goes on with it");
+        }
         ui.separator();
         ui.label(format!("{:.1} ms of passes", times.total));
         if frame.rendered == Eyes::Both {

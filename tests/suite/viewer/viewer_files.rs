@@ -18,7 +18,7 @@ use stereolux::xr::View;
 
 use super::viewer_support::{
     SIZE, Viewer, assert_no_errors, click_at, click_node, cornell, drag, fields, node_of, open,
-    path_tracing, press, push, settle, shown, two_steps, type_into, until, until_error,
+    path_tracing, picture, press, push, settle, shown, two_steps, type_into, until, until_error,
     until_shown,
 };
 use crate::suite::support::{Folder, assert_success, renderer, run_into};
@@ -118,6 +118,48 @@ fn a_screenshot_is_the_mean_of_both_eyes() {
     press(&mut viewer, Modifiers::NONE, Key::F12);
     let next = folder.join("view_0001.png");
     until(&mut viewer, "another", |_| next.exists());
+}
+
+/// Who stops while a frame is computed has what is shown as files: its frames, and its pixels.
+#[test]
+fn a_screenshot_of_what_was_stopped_is_what_is_shown() {
+    let (folder, mut viewer) = cornell("viewer-stopped");
+    // Denoised, as `auto` has it, and then not.
+    for number in 0..2 {
+        if number == 1 {
+            push(&mut viewer, "Denoise");
+        }
+        settle(&mut viewer);
+        until_shown(&mut viewer, "a few frames", |app| shown(app).frames > 4);
+        press(&mut viewer, Modifiers::NONE, Key::Escape);
+        // What was on its way arrives.
+        for _ in 0..40 {
+            viewer.step();
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
+        assert!(viewer.query_by_label("stopped").is_some());
+        let frames = shown(viewer.state()).frames;
+        let pixels = picture(&viewer);
+        press(&mut viewer, Modifiers::NONE, Key::T);
+        let name = format!("view_000{number}.png");
+        until(&mut viewer, "a screenshot", |app| has_said(app, &name));
+        let about = std::fs::read(folder.join(&format!("view_000{number}.json"))).unwrap();
+        let about: serde_json::Value = serde_json::from_slice(&about).unwrap();
+        assert_eq!(about["frames"], frames, "{about}");
+        let written = read_image(&folder.join(&name)).unwrap();
+        for (index, pixel) in pixels.iter().enumerate() {
+            let [x, y] = [index as u32 % SIZE[0], index as u32 / SIZE[0]];
+            let linear = written.get(x, y).unwrap();
+            for (shown, linear) in pixel.to_array().into_iter().zip(linear) {
+                // A step: `renderer::still` has where.
+                let byte = (srgb_encode(linear) * 255.0).round() as u8;
+                assert!(byte.abs_diff(shown) <= 1, "{x} {y}: {byte} {shown}");
+            }
+        }
+        // Nothing was refined for it.
+        viewer.step();
+        assert_eq!(shown(viewer.state()).frames, frames);
+    }
 }
 
 fn has_said(app: &App, what: &str) -> bool {
