@@ -479,7 +479,16 @@ impl App {
         }
     }
 
+    /// Whether something of the scene is held and moves: undoing would cut that into two steps, and the hand would take back
+    /// at once what was undone.
+    fn is_dragging(&self, context: &Context) -> bool {
+        self.document.is_in_gesture() && context.input(|input| input.pointer.any_down())
+    }
+
     pub(super) fn undo(&mut self, context: &Context) {
+        if self.is_dragging(context) {
+            return;
+        }
         if let Err(error) = self.document.undo() {
             self.say(context, error.to_string(), true);
         }
@@ -487,6 +496,9 @@ impl App {
     }
 
     pub(super) fn redo(&mut self, context: &Context) {
+        if self.is_dragging(context) {
+            return;
+        }
         if let Err(error) = self.document.redo() {
             self.say(context, error.to_string(), true);
         }

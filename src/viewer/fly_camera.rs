@@ -9,6 +9,9 @@ use crate::xr::Pose;
 pub const WALK_M_PER_S: f64 = 1.5;
 /// How many times faster the run key is, and how many times slower the slow key.
 pub const RUN_FACTOR: f64 = 4.0;
+/// Keys make the head at most so many times faster than the scene's size does, and so many times slower: in a room, from
+/// 0.01 to 100 m/s.
+const SPEED_RANGE: [f64; 2] = [1.0 / 128.0, 64.0];
 /// Turn of the head per point of mouse travel, radians: 800 points turn it by 180 degrees.
 pub const LOOK_RAD_PER_POINT: f64 = std::f64::consts::PI / 800.0;
 /// The pitch stays this far from straight up and down, radians: there, a heading means nothing.
@@ -44,24 +47,28 @@ pub struct FlyCamera {
     pitch_rad: f64,
     /// A pose that was set from outside may be rolled; it is kept until the head turns.
     exact: Option<DQuat>,
-    /// Speed factor by the scene's size.
+    /// Speed factor by the scene's size, as keys have changed it.
     pub speed: f64,
+    /// The same before they did.
+    first_speed: f64,
 }
 
 impl FlyCamera {
     /// Stands at `pose`. `scene_size_m`, the longest edge of the scene's box: crossing it takes about as long as crossing
     /// a room of 5 m.
     pub fn new(pose: Pose, scene_size_m: f64) -> Self {
+        let speed = if scene_size_m.is_finite() && scene_size_m > 0.0 {
+            scene_size_m / 5.0
+        } else {
+            1.0
+        };
         let mut camera = Self {
             position_in_world: DVec3::ZERO,
             heading_rad: 0.0,
             pitch_rad: 0.0,
             exact: None,
-            speed: if scene_size_m.is_finite() && scene_size_m > 0.0 {
-                scene_size_m / 5.0
-            } else {
-                1.0
-            },
+            speed,
+            first_speed: speed,
         };
         camera.set_pose(pose);
         camera
@@ -107,6 +114,12 @@ impl FlyCamera {
             _ => 1.0,
         };
         WALK_M_PER_S * self.speed * factor
+    }
+
+    /// Walks `factor` times as fast from now on, within what is of use.
+    pub fn change_speed(&mut self, factor: f64) {
+        let [least, most] = SPEED_RANGE.map(|times| times * self.first_speed);
+        self.speed = (self.speed * factor).clamp(least, most);
     }
 
     /// Moves for `seconds`.
@@ -206,6 +219,20 @@ mod tests {
         let ahead = camera.pose().orientation * DVec3::NEG_Z;
         assert!(ahead.y > 0.999 && ahead.y < 1.0);
         assert!(camera.pose().heading_rad().abs() < 1e-9);
+    }
+
+    #[test]
+    fn keys_leave_the_speed_within_what_is_of_use() {
+        for size_m in [5.0, 1e5] {
+            let mut camera = FlyCamera::new(Pose::IDENTITY, size_m);
+            let first = camera.speed;
+            for (factor, last) in [(2.0, 64.0), (0.5, 1.0 / 128.0)] {
+                for _ in 0..2000 {
+                    camera.change_speed(factor);
+                }
+                assert_eq!(camera.speed, last * first);
+            }
+        }
     }
 
     #[test]

@@ -105,11 +105,13 @@ impl App {
     fn answer_scene_keys(&mut self, context: &Context) {
         let command = Modifiers::COMMAND;
         let shifted = Modifiers::COMMAND | Modifiers::SHIFT;
-        if context.input_mut(|input| {
-            input.consume_key(shifted, Key::Z) || input.consume_key(command, Key::Y)
-        }) {
+        // On a slow adapter several presses fall into one pass.
+        let count =
+            |modifiers, key| context.input_mut(|input| input.count_and_consume_key(modifiers, key));
+        for _ in 0..count(shifted, Key::Z) + count(command, Key::Y) {
             self.redo(context);
-        } else if context.input_mut(|input| input.consume_key(command, Key::Z)) {
+        }
+        for _ in 0..count(command, Key::Z) {
             self.undo(context);
         }
         if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::T)) {
@@ -131,8 +133,8 @@ impl App {
             self.hides_panels = !self.hides_panels;
         }
         for (key, factor) in [(Key::OpenBracket, 0.5), (Key::CloseBracket, 2.0)] {
-            if context.input_mut(|input| input.consume_key(Modifiers::NONE, key)) {
-                self.camera.speed *= factor;
+            for _ in 0..count(Modifiers::NONE, key) {
+                self.camera.change_speed(factor);
             }
         }
         for (slot, key) in BOOKMARKS.into_iter().enumerate() {
@@ -163,7 +165,7 @@ impl App {
                 player.is_playing = !player.is_playing;
             }
             for (key, frames) in [(Key::Comma, -1), (Key::Period, 1)] {
-                if context.input_mut(|input| input.consume_key(Modifiers::NONE, key)) {
+                for _ in 0..count(Modifiers::NONE, key) {
                     player.step(frames);
                 }
             }

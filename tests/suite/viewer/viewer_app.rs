@@ -8,15 +8,16 @@ use egui_kittest::kittest::Queryable as _;
 use glam::DVec3;
 use stereolux::images::read_image;
 use stereolux::renderer::Inspection;
+use stereolux::scene::edit::Edit;
 use stereolux::settings::{Method, Reuse};
 use stereolux::viewer::App;
 use stereolux::viewer::frames::{FrameReport, ViewMode};
 use stereolux::viewer::layout::{Layout, Part};
 
 use super::viewer_support::{
-    assert_no_errors, changed, choose, click_at, click_node, cornell, drag, fields, hold, narrow,
-    node_of, open, path_tracing, picture, place_of, press, push, settle, shown, two_steps,
-    type_into, until,
+    Viewer, assert_no_errors, changed, choose, click_at, click_node, cornell, drag, drag_with,
+    errors, fields, hold, narrow, node_of, open, path_tracing, picture, place_of, press, push,
+    settle, shown, two_steps, type_into, until,
 };
 use crate::suite::support::Folder;
 
@@ -118,7 +119,10 @@ fn a_handle_moves_the_object_as_one_step_that_undo_takes_back() {
     let from = scene.nodes[node].clone();
     let before = picture(&viewer);
     let [x_handle, ..] = viewer.state().gizmo.handles().expect("handles");
-    drag(&mut viewer, x_handle, vec2(40.0, 0.0));
+    // Undoing while it is held does nothing.
+    drag_with(&mut viewer, x_handle, vec2(40.0, 0.0), |viewer| {
+        press(viewer, Modifiers::COMMAND, Key::Z);
+    });
     let to = viewer.state().document().scene().nodes[node].clone();
     let way = to.parent_from_node.translation - from.parent_from_node.translation;
     assert!(way.x > 0.02 && way.x < 1.0, "{way}");
@@ -283,6 +287,22 @@ fn escape_closes_what_is_open_and_asks_before_edits_are_lost() {
     press(&mut viewer, Modifiers::NONE, Key::Escape);
     viewer.step();
     assert!(viewer.query_by_label("this help").is_none());
+    // So are the log and what went wrong, and nothing is stopped by that.
+    let context = viewer.ctx.clone();
+    viewer.state_mut().open(&context, "notes.doc".to_owned());
+    push(&mut viewer, "Window");
+    push(&mut viewer, "Log");
+    click_at(&mut viewer, egui::pos2(400.0, 700.0));
+    let is_log_open = |viewer: &Viewer| viewer.query_all_by_label_contains(" s  ").count() > 0;
+    assert!(is_log_open(&viewer));
+    press(&mut viewer, Modifiers::NONE, Key::Escape);
+    viewer.step();
+    assert!(!is_log_open(&viewer));
+    assert_eq!(errors(viewer.state()).len(), 1);
+    press(&mut viewer, Modifiers::NONE, Key::Escape);
+    assert_no_errors(&viewer);
+    viewer.step();
+    assert!(viewer.query_by_label("stopped").is_none());
     click_node(&mut viewer, "tall block");
     press(&mut viewer, Modifiers::NONE, Key::Delete);
     assert!(viewer.state().document().is_modified());
@@ -304,4 +324,46 @@ fn escape_closes_what_is_open_and_asks_before_edits_are_lost() {
     press(&mut viewer, Modifiers::NONE, Key::F11);
     let commands = viewer.state_mut().take_commands();
     assert_eq!(commands, [WindowCommand::ToggleFullScreen]);
+}
+
+/// On a slow adapter several presses fall into one pass: each counts.
+#[test]
+fn two_presses_within_one_pass_are_two() {
+    let (_folder, mut viewer) = cornell("viewer-presses");
+    let context = viewer.ctx.clone();
+    for name in ["tall block", "short block"] {
+        let node = node_of(viewer.state().document().scene(), name);
+        viewer.state_mut().edit(&context, Edit::Delete { node });
+    }
+    let count = |viewer: &Viewer| viewer.state().document().history().count();
+    assert_eq!(count(&viewer), 2);
+    let twice = |viewer: &mut Viewer, modifiers, key| {
+        viewer.key_press_modifiers(modifiers, key);
+        press(viewer, modifiers, key);
+        viewer.step();
+    };
+    twice(&mut viewer, Modifiers::COMMAND, Key::Z);
+    assert_eq!(count(&viewer), 0);
+    twice(&mut viewer, Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+    assert_eq!(count(&viewer), 2);
+    // A room of 2 m: twice as fast, twice.
+    let speed = |viewer: &Viewer| {
+        let line = viewer.get_by_label_contains("walks at ").label().unwrap();
+        let words: Vec<&str> = line.split(' ').collect();
+        words[2].parse::<f64>().unwrap()
+    };
+    let before = speed(&viewer);
+    twice(&mut viewer, Modifiers::NONE, Key::CloseBracket);
+    // Two decimals.
+    assert!((speed(&viewer) - 4.0 * before).abs() < 0.03, "{before}");
+    push(&mut viewer, "Motion");
+    push(&mut viewer, "Walk");
+    press(&mut viewer, Modifiers::NONE, Key::Space);
+    let frame = |viewer: &Viewer| {
+        let slider = viewer.get_by(|node| node.role() == Role::Slider);
+        slider.numeric_value().unwrap()
+    };
+    let before = frame(&viewer);
+    twice(&mut viewer, Modifiers::NONE, Key::Period);
+    assert_eq!(frame(&viewer), before + 2.0);
 }

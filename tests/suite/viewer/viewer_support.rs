@@ -188,6 +188,11 @@ pub fn click_with(viewer: &mut Viewer, at: Pos2, modifiers: Modifiers) {
 }
 
 pub fn drag(viewer: &mut Viewer, from: Pos2, by: Vec2) {
+    drag_with(viewer, from, by, |_| ());
+}
+
+/// Drags, and does something else half way.
+pub fn drag_with(viewer: &mut Viewer, from: Pos2, by: Vec2, half_way: impl Fn(&mut Viewer)) {
     viewer.hover_at(from);
     two_steps(viewer);
     button(viewer, from, true, Modifiers::NONE);
@@ -196,6 +201,9 @@ pub fn drag(viewer: &mut Viewer, from: Pos2, by: Vec2) {
         let share = step as f32 / STEPS as f32;
         viewer.event(egui::Event::PointerMoved(from + by * share));
         viewer.step();
+        if 2 * step == STEPS {
+            half_way(viewer);
+        }
     }
     button(viewer, from + by, false, Modifiers::NONE);
 }

@@ -209,6 +209,12 @@ impl Document {
         self.gesture = Some(self.gestures);
     }
 
+    /// Whether a drag has begun and is not over.
+    #[must_use]
+    pub fn is_in_gesture(&self) -> bool {
+        self.gesture.is_some()
+    }
+
     /// The drag is over.
     pub fn end_gesture(&mut self) {
         self.gesture = None;
