@@ -547,13 +547,22 @@ impl App {
 
     /// How fast W walks now, metres per second.
     pub(super) fn speed_m_per_s(&self, context: &Context) -> f64 {
-        self.camera.speed_m_per_s(&super::keys::held(context))
+        self.camera
+            .speed_m_per_s(&super::keys::held(context, &self.fields.commanding))
     }
 
-    /// The head is moved by hand, from where a recording has it.
+    /// The head is moved by hand, from where a recording has it, which waits to go on.
     pub(super) fn take_head(&mut self) {
-        if let Some(views) = self.player.take().as_ref().and_then(Player::views) {
+        if let Some(views) = self.player.as_ref().and_then(Player::views) {
             self.camera.set_pose(View::head_in_world(&views));
+        }
+        self.leave_recording();
+    }
+
+    /// The head is not where a recording has it until that goes on.
+    pub(super) fn leave_recording(&mut self) {
+        if let Some(player) = &mut self.player {
+            player.leave();
         }
     }
 

@@ -38,6 +38,8 @@ pub struct Fields {
     pub had_text: bool,
     /// What a drag with the middle button goes around, and moves with: metres ahead of the head.
     pub orbit_m: f64,
+    /// Keys that went down with Ctrl and are not up again: they command, and move nobody.
+    pub commanding: Vec<egui::Key>,
     /// The divider of the split view is held.
     pub drags_divider: bool,
 }

@@ -1,6 +1,6 @@
 //! What keys do; [`super::panels::help`] lists them.
 
-use egui::{Context, FocusDirection, Key, Modifiers, Popup};
+use egui::{Context, Event, FocusDirection, InputState, Key, Modifiers, Popup};
 
 use super::app::{App, WindowCommand, camera_of};
 use super::fly_camera::Thrust;
@@ -17,8 +17,8 @@ impl App {
     pub(super) fn go_to_bookmark(&mut self, context: &Context, slot: usize) {
         match self.bookmarks.get(slot).copied().flatten() {
             Some(camera) => {
+                self.leave_recording();
                 self.camera = camera;
-                self.player = None;
             }
             None => {
                 let text = format!("no view {} is kept: Ctrl+Shift+{0} keeps one", slot + 1);
@@ -29,6 +29,8 @@ impl App {
 
     /// Answers keys that were pressed. What a text field takes is left to it.
     pub(super) fn answer_keys(&mut self, context: &Context) {
+        // Before anything takes the events.
+        context.input(|input| note_commanding(input, &mut self.fields.commanding));
         if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::F1)) {
             self.shows_help = !self.shows_help;
         }
@@ -121,8 +123,8 @@ impl App {
             self.focus_selected();
         }
         if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Home)) {
+            self.leave_recording();
             self.camera = camera_of(&self.document);
-            self.player = None;
         }
         let hides = context.input_mut(|input| {
             input.consume_key(command, Key::Space) || input.consume_key(Modifiers::NONE, Key::Tab)
@@ -138,14 +140,14 @@ impl App {
             }
         }
         for (slot, key) in BOOKMARKS.into_iter().enumerate() {
-            if context.input_mut(|input| input.consume_key(shifted, key)) {
+            if context.input_mut(|input| consume_digit(input, shifted, key)) {
                 self.bookmarks[slot] = Some(self.camera);
                 self.say(
                     context,
                     format!("view {} kept: Ctrl+{0} goes there", slot + 1),
                     false,
                 );
-            } else if context.input_mut(|input| input.consume_key(command, key)) {
+            } else if context.input_mut(|input| consume_digit(input, command, key)) {
                 self.go_to_bookmark(context, slot);
             }
         }
@@ -175,12 +177,42 @@ impl App {
     }
 }
 
-/// Movement keys as they are held.
-pub(super) fn held(context: &Context) -> Thrust {
+/// Whether a key has been pressed, by what it means or by where it lies: with Shift, digits mean other things on most
+/// keyboards.
+fn consume_digit(input: &mut InputState, modifiers: Modifiers, digit: Key) -> bool {
+    let count = input.events.len();
+    input.events.retain(|event| {
+        !matches!(event, Event::Key { key, physical_key, pressed: true, modifiers: held, .. }
+            if (*key == digit || *physical_key == Some(digit)) && held.matches_logically(modifiers))
+    });
+    input.events.len() < count
+}
+
+/// Keeps in `commanding` the keys that went down with Ctrl and are not up again.
+fn note_commanding(input: &InputState, commanding: &mut Vec<Key>) {
+    for event in &input.events {
+        if let Event::Key {
+            key,
+            pressed,
+            repeat: false,
+            modifiers,
+            ..
+        } = event
+        {
+            commanding.retain(|known| known != key);
+            if *pressed && modifiers.command {
+                commanding.push(*key);
+            }
+        }
+    }
+}
+
+/// Movement keys as they are held, but for those that are `commanding`.
+pub(super) fn held(context: &Context, commanding: &[Key]) -> Thrust {
     context.input(|input| {
-        let axis = |plus: Key, minus: Key| {
-            f64::from(i8::from(input.key_down(plus)) - i8::from(input.key_down(minus)))
-        };
+        let is_down = |key| input.key_down(key) && !commanding.contains(&key);
+        let axis =
+            |plus: Key, minus: Key| f64::from(i8::from(is_down(plus)) - i8::from(is_down(minus)));
         if input.modifiers.command {
             // Ctrl and a letter is a command.
             return Thrust::default();

@@ -12,6 +12,7 @@ use super::frames::{FrameReport, PicturePlace, PixelRadiance};
 use super::gizmo::{Handled, Pointer};
 use super::layout::{Layout, Part, rectangles};
 use super::selection;
+use super::session::Player;
 use super::worker::decided;
 use crate::false_color::{Legend, map_color};
 
@@ -232,7 +233,7 @@ fn handles(
     // In a picture made of both eyes the handles would stand in one eye's place only.
     let is_plain = matches!(part, Part::Left | Part::Right);
     let last = app.selected.last();
-    let node = last.filter(|_| is_plain && app.player.is_none())?;
+    let node = last.filter(|_| is_plain && app.player.as_ref().is_none_or(Player::is_left))?;
     let scene = app.document.scene();
     if !scene.reaches(node) || scene.nodes[node].skin.is_some() {
         return None;

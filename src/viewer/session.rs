@@ -67,6 +67,8 @@ pub struct Player {
     pub recording: Arc<Recording>,
     /// Runs with the clock.
     pub is_playing: bool,
+    /// The head is elsewhere until it plays on.
+    is_left: bool,
     seconds: f64,
 }
 
@@ -76,6 +78,7 @@ impl Player {
         Self {
             recording: Arc::new(recording),
             is_playing: false,
+            is_left: false,
             seconds: 0.0,
         }
     }
@@ -87,8 +90,20 @@ impl Player {
 
     /// Goes to a frame.
     pub fn seek(&mut self, frame: usize) {
+        self.is_left = false;
         let last = self.recording.len().saturating_sub(1);
         self.seconds = self.recording.seconds_at(frame.min(last));
+    }
+
+    /// Pauses, and lets the head go elsewhere until it plays on.
+    pub fn leave(&mut self) {
+        self.is_playing = false;
+        self.is_left = true;
+    }
+
+    /// Whether the head is elsewhere.
+    pub fn is_left(&self) -> bool {
+        self.is_left
     }
 
     /// One frame on (or back), and pauses.
@@ -103,6 +118,7 @@ impl Player {
         if !self.is_playing {
             return;
         }
+        self.is_left = false;
         let end = self
             .recording
             .seconds_at(self.recording.len().saturating_sub(1));
@@ -113,9 +129,9 @@ impl Player {
         }
     }
 
-    /// What is seen now.
+    /// What is seen now; `None` while the head is elsewhere.
     pub fn views(&self) -> Option<[View; 2]> {
-        self.recording.views(self.frame())
+        self.recording.views(self.frame()).filter(|_| !self.is_left)
     }
 }
 
@@ -166,5 +182,9 @@ mod tests {
         assert_eq!(player.frame(), 9);
         assert!(!player.is_playing);
         assert_eq!(player.views(), player.recording.views(9));
+        player.leave();
+        assert_eq!(player.views(), None);
+        player.step(-2);
+        assert_eq!(player.views(), player.recording.views(7));
     }
 }

@@ -40,7 +40,7 @@ impl App {
         // A window that slept does not make up for it.
         let seconds = f64::from(context.input(|input| input.stable_dt)).min(0.1);
         let mut thrust = if self.scene_has_keys(context) {
-            keys::held(context)
+            keys::held(context, &self.fields.commanding)
         } else {
             Thrust::default()
         };

@@ -256,6 +256,7 @@ fn window(app: &mut App, ui: &mut Ui) {
 fn motion(app: &mut App, ui: &mut Ui) {
     if ui.button("By hand").clicked() {
         app.take_head();
+        app.player = None;
         ui.close();
     }
     let seed = u64::from(app.settings.render.seed);
@@ -320,6 +321,9 @@ fn transport(app: &mut App, ui: &mut Ui) {
                 player.recording.seconds_at(frame),
                 player.recording.name
             ));
+            if player.is_left() {
+                ui.strong("left by hand: Play goes back to it");
+            }
         });
         // Starting again at the end begins anew.
         let last = player.recording.len().saturating_sub(1);

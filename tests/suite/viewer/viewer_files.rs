@@ -17,9 +17,9 @@ use stereolux::viewer::app::WindowCommand;
 use stereolux::xr::View;
 
 use super::viewer_support::{
-    SIZE, Viewer, assert_no_errors, click_at, click_node, cornell, drag, fields, node_of, open,
-    path_tracing, picture, press, push, settle, shown, two_steps, type_into, until, until_error,
-    until_shown,
+    SIZE, Viewer, assert_no_errors, click_at, click_node, cornell, drag, fields, hold, node_of,
+    open, path_tracing, picture, press, push, settle, shown, two_steps, type_into, until,
+    until_error, until_shown,
 };
 use crate::suite::support::{Folder, assert_success, renderer, run_into};
 
@@ -487,4 +487,28 @@ fn a_head_that_is_taken_from_a_recording_stays_where_it_was() {
     push(&mut viewer, "By hand");
     let head = viewer.state().head();
     assert!((head.position - there).length() < 1e-9);
+}
+
+/// Who walks away from a recording finds it again.
+#[test]
+fn a_recording_that_is_left_by_hand_waits_to_go_on() {
+    let (_folder, mut viewer) = cornell("viewer-left-recording");
+    push(&mut viewer, "Motion");
+    push(&mut viewer, "Walk");
+    for _ in 0..60 {
+        viewer.step();
+    }
+    press(&mut viewer, Modifiers::NONE, Key::Space);
+    settle(&mut viewer);
+    let recorded = shown(viewer.state()).views;
+    hold(&mut viewer, Key::W, 5);
+    settle(&mut viewer);
+    assert_ne!(shown(viewer.state()).views, recorded);
+    assert!(viewer.query_by_label_contains("left by hand").is_some());
+    for key in [Key::Period, Key::Comma] {
+        press(&mut viewer, Modifiers::NONE, key);
+    }
+    settle(&mut viewer);
+    assert_eq!(shown(viewer.state()).views, recorded);
+    assert!(viewer.query_by_label_contains("left by hand").is_none());
 }

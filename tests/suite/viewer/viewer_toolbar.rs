@@ -176,7 +176,18 @@ fn views_are_kept_panels_hide_and_the_log_has_what_was_said() {
     let (_folder, mut viewer) = cornell("viewer-kept");
     let shifted = Modifiers::COMMAND | Modifiers::SHIFT;
     let start = viewer.state().head();
-    press(&mut viewer, shifted, Key::Num1);
+    // What Shift makes of the digit on an American keyboard.
+    viewer.event_modifiers(
+        egui::Event::Key {
+            key: Key::Exclamationmark,
+            physical_key: Some(Key::Num1),
+            pressed: true,
+            repeat: false,
+            modifiers: shifted,
+        },
+        shifted,
+    );
+    viewer.step();
     hold(&mut viewer, Key::W, 5);
     assert_ne!(viewer.state().head(), start);
     // Nothing is kept there: it is said, and nobody moves.
