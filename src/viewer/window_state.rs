@@ -93,7 +93,7 @@ impl WindowState {
 
     /// Puts a file first among those that were opened. Embedded scenes have a menu of their own.
     pub fn remember_file(&mut self, path: &str) {
-        if path.starts_with(PREFIX) {
+        if path.is_empty() || path.starts_with(PREFIX) {
             return;
         }
         // Found again from wherever the next start is.
