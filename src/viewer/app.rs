@@ -1,6 +1,6 @@
 //! Everything of the viewer that is not a window: what is open, what is wanted, what is done with it.
 
-use std::collections::{HashSet, VecDeque};
+use std::collections::{HashMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -15,7 +15,9 @@ use super::gizmo::TransformGizmo;
 use super::layout::{Layout, Part};
 use super::loading::Loading;
 use super::panels::paths::{PathQuestion, Purpose};
+use super::panels::settings;
 use super::question::Question;
+use super::save_files::Stamp;
 use super::selection::Selection;
 use super::session::{Player, Recording};
 use super::sketch::{Stand, Wish};
@@ -143,8 +145,8 @@ pub struct App {
     pub(super) loading: Option<Loading>,
     pub(super) fields: Fields,
     pub(super) out: PathBuf,
-    /// Files that may be written over: this window wrote them, or was told to.
-    pub(super) written: HashSet<PathBuf>,
+    /// Files that this window wrote, and may write over while they are as it left them.
+    pub(super) written: HashMap<PathBuf, Stamp>,
     /// Pixels per eye of a view that stands still.
     pub(super) size: [u32; 2],
     /// Which pictures the last pass drew, and where in the window, points.
@@ -241,7 +243,7 @@ impl App {
             fields: Fields::new(&out, document.original()),
             document,
             out,
-            written: HashSet::new(),
+            written: HashMap::new(),
             size,
             shown_at: Vec::new(),
             gamepad: Gamepad::open(),
@@ -612,8 +614,28 @@ impl App {
         self.asks_path = Some(PathQuestion::new(purpose, text));
     }
 
+    /// A name that is being written in the inspector counts as it stands.
+    pub(super) fn take_name(&mut self) {
+        let Some((node, name)) = self.fields.name.take() else {
+            return;
+        };
+        let known = self.document.scene().nodes.get(node);
+        if known.is_some_and(|known| known.name != name)
+            && let Err(error) = self.document.edit(Edit::Rename { node, name })
+        {
+            log::error!("{error}");
+        }
+    }
+
+    /// What is being written in fields of the panels counts as it stands.
+    pub(super) fn take_written(&mut self, context: &Context) {
+        self.take_name();
+        settings::take_written(self, context);
+    }
+
     /// Closes the window, or asks first where something is not saved.
     pub fn request_quit(&mut self) {
+        self.take_name();
         if self.document.is_modified() {
             self.asks = Some(Question::Quit);
         } else {

@@ -131,6 +131,7 @@ impl App {
         settings: &Settings,
         may_lose_edits: bool,
     ) {
+        self.take_written(context);
         self.asks.take_if(|asked| *asked != Question::Quit);
         let kind = match Kind::of(&spec) {
             Ok(kind) => kind,

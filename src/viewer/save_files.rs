@@ -1,6 +1,7 @@
 //! Writing the scene and the settings, and never over a file of others unasked.
 
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use egui::Context;
 
@@ -18,14 +19,45 @@ pub enum Saved {
     Settings,
 }
 
+/// By what a file is known to be as it was left: another program that writes it changes one or the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamp {
+    bytes: u64,
+    modified: SystemTime,
+}
+
+impl Stamp {
+    /// `None` if the system does not tell.
+    fn of(path: &Path) -> Option<Self> {
+        let about = std::fs::metadata(path).ok()?;
+        Some(Self {
+            bytes: about.len(),
+            modified: about.modified().ok()?,
+        })
+    }
+}
+
 impl App {
-    /// Writes to the path of the fields; asks before, if a file stands there that this window did not write.
+    /// Writes to the path of the fields, as [`App::save_as`] does.
     pub(super) fn save(&mut self, context: &Context, what: Saved) {
         let path = PathBuf::from(self.fields.path_of(what).trim());
-        if path.exists() && !self.written.contains(&path) {
+        self.save_as(context, path, what);
+    }
+
+    /// Writes to a path, which is that of the fields from then on; asks before, if a file stands there that is not as this
+    /// window wrote it.
+    pub(super) fn save_as(&mut self, context: &Context, path: PathBuf, what: Saved) {
+        let is_own = Stamp::of(&path).is_some_and(|now| self.written.get(&path) == Some(&now));
+        if path.exists() && !is_own {
             self.asks = Some(Question::Replace(path, what, None));
             return;
         }
+        self.replace(context, path, what);
+    }
+
+    /// Writes to a path, whatever stands there.
+    pub(super) fn replace(&mut self, context: &Context, path: PathBuf, what: Saved) {
+        self.take_written(context);
         self.make_room(&path);
         let (written, use_of_it) = match what {
             Saved::Scene => {
@@ -47,16 +79,12 @@ impl App {
             Ok(()) => {
                 let text = format!("{} written{use_of_it}", path.display());
                 self.say(context, text, false);
-                self.written.insert(path);
+                *self.fields.path_of(what) = path.to_string_lossy().into_owned();
+                self.written
+                    .extend(Stamp::of(&path).map(|stamp| (path, stamp)));
             }
             Err(error) => self.say(context, error, true),
         }
-    }
-
-    /// Writes over a file, as was answered.
-    pub(super) fn replace(&mut self, context: &Context, path: PathBuf, what: Saved) {
-        self.written.insert(path);
-        self.save(context, what);
     }
 
     /// Makes the folder of `--out` if that is where `path` lies. Other folders that are missing are slips of the hand, and

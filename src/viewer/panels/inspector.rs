@@ -19,7 +19,17 @@ const NEW_CONE_RAD: f32 = 0.6;
 
 /// The tab.
 pub fn show(app: &mut App, ui: &mut Ui) {
-    let Some(node) = app.selected.last() else {
+    let last = app.selected.last();
+    if app
+        .fields
+        .name
+        .as_ref()
+        .is_some_and(|(of, _)| Some(*of) != last)
+    {
+        // Its field is not shown any more.
+        app.take_name();
+    }
+    let Some(node) = last else {
         ui.weak("Nothing is selected: click an object in the picture, or a node of the scene.");
         return;
     };

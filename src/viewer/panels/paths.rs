@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
+use egui::text::CCursorRange;
 use egui::{Align2, Context, Key, ScrollArea, TextEdit, Window};
 
 use crate::viewer::app::App;
@@ -54,6 +55,8 @@ pub struct PathQuestion {
     text: String,
     /// The field has had the keyboard.
     is_focused: bool,
+    /// What stands there at first was selected: who types a path means that one alone.
+    is_selected: bool,
     /// The folder that was read last, and its entries: names, folders with a slash at the end.
     listing: (PathBuf, Vec<String>),
 }
@@ -65,6 +68,7 @@ impl PathQuestion {
             purpose,
             text,
             is_focused: false,
+            is_selected: false,
             // No folder has this name.
             listing: (PathBuf::from("\0"), Vec::new()),
         }
@@ -129,9 +133,15 @@ pub fn show(app: &mut App, context: &Context) {
         .collapsible(false)
         .show(context, |ui| {
             let field = TextEdit::singleline(&mut question.text).desired_width(f32::INFINITY);
-            let field = ui.add(field.hint_text("path, or builtin:NAME"));
+            let mut output = field.hint_text("path, or builtin:NAME").show(ui);
+            let field = output.response.response;
             if !std::mem::replace(&mut question.is_focused, true) {
                 field.request_focus();
+            }
+            if !std::mem::replace(&mut question.is_selected, true) {
+                let all = CCursorRange::select_all(&output.galley);
+                output.state.cursor.set_char_range(Some(all));
+                output.state.store(context, field.id);
             }
             is_done = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
             ScrollArea::vertical()
@@ -170,9 +180,6 @@ pub fn show(app: &mut App, context: &Context) {
 fn answer(app: &mut App, context: &Context, purpose: Purpose, path: String) {
     match purpose {
         Purpose::Open => app.open(context, path),
-        Purpose::Save(what) => {
-            *app.fields.path_of(what) = path;
-            app.save(context, what);
-        }
+        Purpose::Save(what) => app.save_as(context, path.into(), what),
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use egui::{CollapsingHeader, Color32, ComboBox, DragValue, Key, RichText, TextEdit, Ui};
+use egui::{CollapsingHeader, Color32, ComboBox, Context, DragValue, Key, RichText, TextEdit, Ui};
 use serde_json::{Value, json};
 
 use crate::options::SettingsFile as _;
@@ -34,7 +34,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 environment: now.environment.clone(),
                 ..Settings::default()
             };
-            store(app, ui, kept);
+            store(app, ui.ctx(), kept);
         }
         if ui
             .button("Save as TOML")
@@ -80,11 +80,43 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     }
 }
 
-fn store(app: &mut App, ui: &Ui, settings: Settings) {
+fn store(app: &mut App, context: &Context, settings: Settings) {
     if app.fields.edits_other {
         app.other = Arc::new(settings);
     } else {
-        app.set_settings(ui.ctx(), settings);
+        app.set_settings(context, settings);
+    }
+}
+
+/// Changes a setting, or notes why it cannot be that.
+fn set(app: &mut App, context: &Context, setting: &Setting, new: &Value) {
+    match app.panel_settings().with(setting.key, new) {
+        Ok(settings) => {
+            app.fields.refused = None;
+            store(app, context, settings);
+        }
+        Err(error) => app.fields.refused = Some((setting.key, error.to_string())),
+    }
+}
+
+/// What is being written in a field counts as it stands.
+pub fn take_written(app: &mut App, context: &Context) {
+    let Some((key, text)) = app.fields.setting.take() else {
+        return;
+    };
+    if let Some(setting) = registry::find(key)
+        && size_words(&setting.value(app.panel_settings())) != text.trim()
+    {
+        set(app, context, setting, &entered(setting, &text));
+    }
+}
+
+/// What stands in a field of text, as a value.
+fn entered(setting: &Setting, text: &str) -> Value {
+    if text.trim().is_empty() && matches!(setting.kind, Kind::Size { .. }) {
+        Value::Null
+    } else {
+        json!(text.trim())
     }
 }
 
@@ -143,13 +175,7 @@ fn row(app: &mut App, ui: &mut Ui, setting: &'static Setting) {
         }
     });
     if let Some(new) = new {
-        match app.panel_settings().with(setting.key, &new) {
-            Ok(settings) => {
-                app.fields.refused = None;
-                store(app, ui, settings);
-            }
-            Err(error) => app.fields.refused = Some((setting.key, error.to_string())),
-        }
+        set(app, ui.ctx(), setting, &new);
     }
     if let Some((key, why)) = &app.fields.refused
         && *key == setting.key
@@ -244,11 +270,7 @@ fn widget(app: &mut App, ui: &mut Ui, setting: &'static Setting, value: &Value) 
             if is_entered {
                 app.fields.setting = None;
                 let cancelled = ui.input(|input| input.key_pressed(Key::Escape));
-                let new = if text.trim().is_empty() && matches!(setting.kind, Kind::Size { .. }) {
-                    Value::Null
-                } else {
-                    json!(text.trim())
-                };
+                let new = entered(setting, &text);
                 let same = size_words(value) == text.trim();
                 return (!cancelled && !same).then_some(new);
             }

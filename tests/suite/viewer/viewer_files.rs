@@ -445,6 +445,113 @@ fn files_of_others_are_written_over_only_when_asked() {
     assert_no_errors(&viewer);
 }
 
+/// Another program's work is asked about, though this window wrote there before.
+#[test]
+fn a_file_that_another_program_has_written_since_is_asked_about() {
+    let (folder, mut viewer) = cornell("viewer-written-since");
+    let path = folder.join("cornell_edited.glb");
+    press(&mut viewer, Modifiers::COMMAND, Key::S);
+    assert!(path.exists());
+    std::fs::write(&path, THEIRS).unwrap();
+    let is_theirs = || std::fs::read(&path).unwrap() == THEIRS.as_bytes();
+    press(&mut viewer, Modifiers::COMMAND, Key::S);
+    two_steps(&mut viewer);
+    assert!(is_theirs(), "asked first");
+    push(&mut viewer, "Replace it");
+    assert!(!is_theirs());
+    // Told to, but in vain: the next time it is asked again.
+    std::fs::remove_file(&path).unwrap();
+    std::fs::create_dir(&path).unwrap();
+    for _ in 0..2 {
+        press(&mut viewer, Modifiers::COMMAND, Key::S);
+        two_steps(&mut viewer);
+        push(&mut viewer, "Replace it");
+        until_error(&mut viewer, "cornell_edited.glb");
+    }
+}
+
+/// Types into the window that asks for a path, over what stands there.
+fn answer_path(viewer: &mut Viewer, path: &str) {
+    two_steps(viewer);
+    viewer.event(egui::Event::Text(path.to_owned()));
+    two_steps(viewer);
+    press(viewer, Modifiers::NONE, Key::Enter);
+    two_steps(viewer);
+}
+
+/// Where the scene is saved changes only once it has been saved there.
+#[test]
+fn paths_that_were_declined_or_refused_are_no_ones_target() {
+    let folder = Folder::new("viewer-targets");
+    let mut viewer = open("builtin:cornell", &folder, path_tracing);
+    let shifted = Modifiers::COMMAND | Modifiers::SHIFT;
+    let theirs = folder.write("theirs.glb", THEIRS);
+    press(&mut viewer, shifted, Key::S);
+    answer_path(&mut viewer, &theirs.to_string_lossy());
+    push(&mut viewer, "Leave it");
+    press(&mut viewer, shifted, Key::S);
+    answer_path(&mut viewer, &folder.join("scene.doc").to_string_lossy());
+    until_error(&mut viewer, "scene.doc");
+    let own = folder.join("cornell_edited.glb");
+    press(&mut viewer, Modifiers::COMMAND, Key::S);
+    assert!(own.exists());
+    assert_eq!(std::fs::read(&theirs).unwrap(), THEIRS.as_bytes());
+    // What was accepted is the target from then on.
+    let other = folder.join("other.glb");
+    press(&mut viewer, shifted, Key::S);
+    answer_path(&mut viewer, &other.to_string_lossy());
+    assert!(other.exists());
+    std::fs::remove_file(&own).unwrap();
+    press(&mut viewer, Modifiers::COMMAND, Key::S);
+    assert!(!own.exists());
+}
+
+#[test]
+fn a_path_that_is_typed_takes_the_place_of_the_folder_that_is_offered() {
+    let (folder, mut viewer) = cornell("viewer-typed-path");
+    let state = &mut viewer.state_mut().window_state;
+    state.remember_file(&folder.join("room.glb").to_string_lossy());
+    press(&mut viewer, Modifiers::COMMAND, Key::O);
+    answer_path(&mut viewer, "builtin:plane");
+    until(&mut viewer, "the other scene", |app| {
+        app.settings().scene == "builtin:plane"
+    });
+}
+
+/// A name that is being written when the window is closed or the scene is saved is not lost.
+#[test]
+fn a_name_in_hand_is_asked_about_and_saved() {
+    let (folder, mut viewer) = cornell("viewer-name-in-hand");
+    let node = click_node(&mut viewer, "tall block");
+    two_steps(&mut viewer);
+    let write = |viewer: &mut Viewer, name: &str| {
+        let mut inputs = fields(viewer, Role::TextInput);
+        inputs.retain(|field| field.x > 800.0);
+        click_at(viewer, inputs[0]);
+        viewer.step();
+        press(viewer, Modifiers::COMMAND, Key::A);
+        viewer.event(egui::Event::Text(name.to_owned()));
+        two_steps(viewer);
+    };
+    let name_of = |app: &App| app.document().scene().nodes[node].name.clone();
+    write(&mut viewer, "tower");
+    viewer.state_mut().request_quit();
+    assert_eq!(viewer.state_mut().take_commands(), [], "asked first");
+    assert_eq!(name_of(viewer.state()), "tower");
+    two_steps(&mut viewer);
+    push(&mut viewer, "Go on");
+    write(&mut viewer, "steeple");
+    press(&mut viewer, Modifiers::COMMAND, Key::S);
+    assert!(!viewer.state().document().is_modified());
+    let saved = Scene::load(folder.join("cornell_edited.glb")).unwrap();
+    assert!(saved.nodes.iter().any(|node| node.name == "steeple"));
+    // Nor is it when something else is clicked.
+    write(&mut viewer, "pillar");
+    click_node(&mut viewer, "short block");
+    two_steps(&mut viewer);
+    assert_eq!(name_of(viewer.state()), "pillar");
+}
+
 /// Who saves before quitting over a file of others is asked about that, and has quit then.
 #[test]
 fn saving_over_a_file_of_others_goes_on_to_what_it_was_for() {
