@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use egui::Context;
+use egui::{Context, TextureOptions};
 
 use super::fields::Fields;
 use super::fly_camera::FlyCamera;
@@ -126,8 +126,8 @@ pub struct App {
     pub(super) asks: Option<Question>,
     /// Views that are kept.
     pub(super) bookmarks: [Option<FlyCamera>; 5],
-    /// Pictures of both eyes that were frozen, to be compared with.
-    pub(super) frozen: Option<[egui::TextureHandle; 2]>,
+    /// Pictures of both eyes that were frozen, to be compared with: smooth ones, and those whose pixels are squares.
+    pub(super) frozen: Option<[[egui::TextureHandle; 2]; 2]>,
     /// Everything that was said, with egui's seconds.
     pub(super) log: Vec<(f64, String)>,
     pub(super) shows_log: bool,
@@ -591,8 +591,10 @@ impl App {
     pub(super) fn freeze(&mut self, context: &Context) {
         self.frozen = match (self.frozen.take(), &self.frame) {
             (None, Some(frame)) => Some([0, 1].map(|eye| {
-                let picture = Arc::clone(&frame.shown.eyes[eye]);
-                context.load_texture("frozen", picture, egui::TextureOptions::LINEAR)
+                [TextureOptions::LINEAR, TextureOptions::NEAREST].map(|options| {
+                    let picture = Arc::clone(&frame.shown.eyes[eye]);
+                    context.load_texture("frozen", picture, options)
+                })
             })),
             _ => None,
         };

@@ -170,7 +170,9 @@ fn show_part(
         draw(other.id(), right);
     }
     if let (Some(frozen), Part::Left | Part::Right) = (&app.frozen, part) {
-        draw(frozen[part.eye()].id(), left);
+        // As the picture beside it.
+        let frozen = &frozen[part.eye()][usize::from(app.zoom.is_on())];
+        draw(frozen.id(), left);
         let top = place.min.y + 30.0;
         label(&painter, pos2(divider_x - 8.0, top), Align2::RIGHT_TOP, "A");
         label(&painter, pos2(divider_x + 8.0, top), Align2::LEFT_TOP, "B");

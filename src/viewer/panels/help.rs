@@ -1,6 +1,6 @@
 //! F1: what keys and mouse do.
 
-use egui::{Align2, Context, Grid, RichText, Window};
+use egui::{Align2, Context, Grid, RichText, ScrollArea, Window};
 
 use crate::viewer::app::App;
 
@@ -54,19 +54,23 @@ pub fn show(app: &mut App, context: &Context) {
     Window::new("Keys and mouse")
         .open(&mut is_open)
         .anchor(Align2::CENTER_CENTER, [0.0, 0.0])
-        .resizable(false)
+        .auto_sized()
         .collapsible(false)
-        // In a low window the list is scrolled, so that title and close button stay on the screen.
-        .vscroll(true)
-        .max_height(context.content_rect().height() - FRAME_HEIGHT)
         .show(context, |ui| {
-            Grid::new("keys").spacing([24.0, 4.0]).show(ui, |ui| {
-                for (keys, what) in KEYS {
-                    ui.label(RichText::new(*keys).monospace().strong());
-                    ui.label(*what);
-                    ui.end_row();
-                }
-            });
+            // In a low window the list is scrolled, so that title and close button stay on the screen.
+            let height = (context.content_rect().height() - FRAME_HEIGHT).max(0.0);
+            ScrollArea::vertical()
+                .max_height(height)
+                .min_scrolled_height(height)
+                .show(ui, |ui| {
+                    Grid::new("keys").spacing([24.0, 4.0]).show(ui, |ui| {
+                        for (keys, what) in KEYS {
+                            ui.label(RichText::new(*keys).monospace().strong());
+                            ui.label(*what);
+                            ui.end_row();
+                        }
+                    });
+                });
         });
     app.shows_help = is_open;
 }

@@ -14,12 +14,16 @@ const OPEN_UP_TO: usize = 200;
 /// Matches of a search that are listed.
 const MOST_MATCHES: usize = 500;
 
+/// Width of the panel at least where the window has room, points: it comes back when a small window grows again.
+const LEAST_WIDTH: f32 = 140.0;
+
 /// The left panel.
 pub fn show(app: &mut App, ui: &mut Ui) {
     if !app.window_state.hierarchy {
         return;
     }
     let panel = Panel::left("hierarchy").default_size(210.0);
+    let panel = panel.min_size(LEAST_WIDTH);
     let panel = panel.max_size(super::MOST_OF_WINDOW * ui.ctx().content_rect().width());
     panel.show(ui, |ui| {
         ui.horizontal(|ui| {

@@ -14,6 +14,11 @@ use super::app::{App, Tab};
 
 /// Share of the window's width or height that one panel may be drawn to: something of the picture stays.
 const MOST_OF_WINDOW: f32 = 0.4;
+/// Width of the right panel at least where the window has room, points: it comes back when a small window grows again.
+const LEAST_WIDTH: f32 = 280.0;
+/// Width of what is said, points, at most, and what the window is wider at least: by a margin, and a button to close it.
+const MESSAGE_WIDTH: f32 = 620.0;
+const BESIDE_MESSAGE: f32 = 100.0;
 
 /// The right panel: inspector and settings.
 pub fn right(app: &mut App, ui: &mut Ui) {
@@ -21,14 +26,16 @@ pub fn right(app: &mut App, ui: &mut Ui) {
         return;
     }
     let panel = Panel::right("side").default_size(370.0);
+    let panel = panel.min_size(LEAST_WIDTH);
     let panel = panel.max_size(MOST_OF_WINDOW * ui.ctx().content_rect().width());
     panel.show(ui, |ui| {
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             ui.selectable_value(&mut app.tab, Tab::Inspector, "Inspector");
             ui.selectable_value(&mut app.tab, Tab::Settings, "Settings");
         });
         ui.separator();
-        ScrollArea::vertical()
+        // In a narrow window not all of a row fits.
+        ScrollArea::both()
             .auto_shrink(false)
             .show(ui, |ui| match app.tab {
                 Tab::Inspector => inspector::show(app, ui),
@@ -79,13 +86,14 @@ pub fn messages(app: &mut App, context: &Context) {
     }
     if !app.messages.is_empty() {
         let mut closed = None;
+        let width = (context.content_rect().width() - BESIDE_MESSAGE).clamp(0.0, MESSAGE_WIDTH);
         egui::Area::new(egui::Id::unique("messages"))
             .anchor(Align2::CENTER_BOTTOM, vec2(0.0, -12.0))
             .show(context, |ui| {
                 for (index, message) in app.messages.iter().enumerate() {
                     Frame::popup(ui.style()).show(ui, |ui| {
                         ui.horizontal(|ui| {
-                            ui.set_max_width(620.0);
+                            ui.set_max_width(width);
                             let color = if message.is_error {
                                 Color32::from_rgb(255, 130, 110)
                             } else {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use egui::accesskit::Role;
 use egui::{Key, Modifiers, vec2};
-use egui_kittest::kittest::Queryable as _;
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use glam::DVec3;
 use stereolux::images::read_image;
 use stereolux::renderer::Inspection;
@@ -366,7 +366,8 @@ fn two_presses_within_one_pass_are_two() {
     assert_eq!(count(&viewer), 2);
     // A room of 2 m: twice as fast, twice.
     let speed = |viewer: &Viewer| {
-        let line = viewer.get_by_label_contains("walks at ").label().unwrap();
+        let line = viewer.get_by_label_contains("walks at ");
+        let line = line.accesskit_node().value().unwrap();
         let words: Vec<&str> = line.split(' ').collect();
         words[2].parse::<f64>().unwrap()
     };
@@ -379,7 +380,7 @@ fn two_presses_within_one_pass_are_two() {
     press(&mut viewer, Modifiers::NONE, Key::Space);
     let frame = |viewer: &Viewer| {
         let slider = viewer.get_by(|node| node.role() == Role::Slider);
-        slider.numeric_value().unwrap()
+        slider.accesskit_node().numeric_value().unwrap()
     };
     let before = frame(&viewer);
     twice(&mut viewer, Modifiers::NONE, Key::Period);

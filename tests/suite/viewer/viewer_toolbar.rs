@@ -1,11 +1,12 @@
 //! The toolbar, kept views, the frozen picture, hidden panels and the log.
 
 use egui::accesskit::Role;
-use egui::{Key, Modifiers, Pos2, Rect, Shape, vec2};
+use egui::{Key, Modifiers, Pos2, Rect, Shape, TextureFilter, vec2};
 use egui_kittest::kittest::Queryable as _;
 use stereolux::images::{ImageRgb, aces_filmic, srgb_encode, write_exr};
 use stereolux::settings::{Switch, Tone};
 use stereolux::viewer::App;
+use stereolux::viewer::panels::help::KEYS;
 
 use super::viewer_support::{
     Viewer, assert_no_errors, choose, click_at, cornell, drag, fields, hold, node_of, open,
@@ -118,6 +119,20 @@ fn a_frozen_picture_stays_left_of_a_line_that_is_dragged() {
     assert!((before - 60.0 - after).abs() < 1.0, "{before} {after}");
     assert_eq!(viewer.state().head(), head);
 
+    // Enlarged, its pixels are squares as those of the present one are.
+    let magnified = |viewer: &Viewer| {
+        let textures = viewer.ctx.tex_manager();
+        let (frozen, _) = textured(viewer, picture)[1];
+        textures.read().meta(frozen).unwrap().options.magnification
+    };
+    assert_eq!(magnified(&viewer), TextureFilter::Linear);
+    viewer.hover_at(picture.min + vec2(20.0, 100.0));
+    viewer.event(egui::Event::Zoom(4.0));
+    two_steps(&mut viewer);
+    assert_eq!(magnified(&viewer), TextureFilter::Nearest);
+    press(&mut viewer, Modifiers::NONE, Key::Escape);
+    viewer.step();
+
     push(&mut viewer, "Freeze A");
     assert_eq!(textured(&viewer, picture).len(), 1);
 }
@@ -215,4 +230,65 @@ fn views_are_kept_panels_hide_and_the_log_has_what_was_said() {
         let lines = viewer.query_all_by_label_contains(said);
         assert!(lines.count() > 0, "{said}");
     }
+}
+
+/// Whether all of a text is painted.
+fn is_seen(viewer: &Viewer, text: &str) -> bool {
+    viewer.output().shapes.iter().any(|clipped| {
+        matches!(&clipped.shape, Shape::Text(shape) if shape.galley.text() == text
+            && clipped.clip_rect.contains_rect(shape.visual_bounding_rect()))
+    })
+}
+
+#[test]
+fn panels_messages_and_help_fit_the_window() {
+    let (_folder, mut viewer) = cornell("viewer-narrow");
+    press(&mut viewer, Modifiers::NONE, Key::F1);
+    two_steps(&mut viewer);
+    for (keys, what) in KEYS {
+        assert!(is_seen(&viewer, keys) && is_seen(&viewer, what), "{keys}");
+    }
+    press(&mut viewer, Modifiers::NONE, Key::Escape);
+
+    viewer.set_size(vec2(520.0, 600.0));
+    let node = node_of(viewer.state().document().scene(), "tall block");
+    viewer.state_mut().select(Some(node));
+    let context = viewer.ctx.clone();
+    let name = "no scene at all, ".repeat(12) + "notes.doc";
+    viewer.state_mut().open(&context, name);
+    for _ in 0..6 {
+        viewer.step();
+    }
+    let close = viewer.get_by_label("Close").rect();
+    assert!(close.max.x < 520.0, "{close:?}");
+    let tab = viewer.get_by_label("Settings").rect();
+    assert!(tab.max.x < 520.0, "{tab:?}");
+    // What does not fit is scrolled into view.
+    let label = "Rotation, degrees";
+    let before = viewer.get_by_label(label).rect();
+    viewer.hover_at(before.center());
+    viewer.step();
+    viewer.event(egui::Event::MouseWheel {
+        unit: egui::MouseWheelUnit::Point,
+        delta: vec2(-60.0, 0.0),
+        phase: egui::TouchPhase::Move,
+        source: egui::MouseWheelSource::Unknown,
+        modifiers: Modifiers::NONE,
+    });
+    for _ in 0..30 {
+        viewer.step();
+    }
+    let after = viewer.get_by_label(label).rect();
+    assert!(after.min.x < before.min.x - 20.0, "{before:?} {after:?}");
+
+    // A window that was hardly there has its panels again.
+    for size in [vec2(40.0, 40.0), vec2(1280.0, 800.0)] {
+        viewer.set_size(size);
+        for _ in 0..6 {
+            viewer.step();
+        }
+    }
+    let inputs = viewer.get_all_by_role(Role::TextInput);
+    let widths: Vec<f32> = inputs.map(|input| input.rect().width()).collect();
+    assert!(widths.iter().all(|width| *width > 100.0), "{widths:?}");
 }
