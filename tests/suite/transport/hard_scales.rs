@@ -449,7 +449,10 @@ fn a_lamp_that_is_placed_does_not_hide_itself_from_any_head() {
         let (off, square) = statistics(&off);
         let bright = mean(&by_ceiling);
         // A tenth of the light would be noticed.
-        assert!(square.sqrt() < 0.025 * bright, "{height}: {square} of {bright}");
+        assert!(
+            square.sqrt() < 0.025 * bright,
+            "{height}: {square} of {bright}"
+        );
         assert!(off * off < 16.0 * square, "{height}: {off} of {bright}");
     }
 }

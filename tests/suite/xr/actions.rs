@@ -251,8 +251,9 @@ fn an_applications_bindings_are_suggested_and_the_programs_own_dropped() {
     }
     assert_eq!(text.matches("vibrates: ").count(), 2, "{text}");
     // A button that an action is bound to is the application's alone.
-    let [touch, index] = [TOUCH, INDEX].map(|of| text.contains(&format!("{of} switch_reuse ")));
-    assert!(touch && !index, "{text}");
+    let plus = "/interaction_profiles/meta/touch_controller_plus";
+    let switches = [plus, TOUCH, INDEX].map(|of| text.contains(&format!("{of} switch_reuse ")));
+    assert_eq!(switches, [true, false, false], "{text}");
     let walks = text.contains(" walk ") || text.contains(" advance ");
     assert!(!walks, "{text}");
     // The runtime's head stands still.
