@@ -2,8 +2,8 @@
 
 use crate::limits::LoadBudget;
 use crate::renderer::packing::mean_glow;
-#[cfg(feature = "viewer")]
 use crate::scene::builtin::PREFIX;
+#[cfg(feature = "viewer")]
 use crate::scene::edit::Document;
 use crate::scene::needs::LightCounts;
 use crate::scene::{Environment, Needs, Scene, SceneError, load_environment_within};

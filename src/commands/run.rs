@@ -140,20 +140,21 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
     let mut announcement = None;
     if let Some(fov) = options.view.fov {
         headset = headset.with_fov(fov)?;
-    } else if options.view.pose.is_none() && !options.names_headset {
-        if let Some(camera) = scene.start_camera() {
-            let fov = camera_fov(camera, size);
-            let angles = match fov {
-                Some(fov) => format!("{:.1} degrees high", 2.0 * fov.angle_up.to_degrees()),
-                None => "with the headset's angles, since it has none that serve".to_owned(),
-            };
-            announcement = Some(format!(
-                "the view is the glTF camera's '{}', {angles}; --fov or --headset give other angles",
-                camera.name
-            ));
-            if let Some(fov) = fov {
-                headset = headset.with_fov(fov)?;
-            }
+    } else if options.view.pose.is_none()
+        && !options.names_headset
+        && let Some(camera) = scene.start_camera()
+    {
+        let fov = camera_fov(camera, size);
+        let angles = match fov {
+            Some(fov) => format!("{:.1} degrees high", 2.0 * fov.angle_up.to_degrees()),
+            None => "with the headset's angles, since it has none that serve".to_owned(),
+        };
+        announcement = Some(format!(
+            "the view is the glTF camera's '{}', {angles}; --fov or --headset give other angles",
+            camera.name
+        ));
+        if let Some(fov) = fov {
+            headset = headset.with_fov(fov)?;
         }
     }
     let pose = options.view.pose.unwrap_or_else(|| scene.start_pose());
