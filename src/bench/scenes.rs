@@ -152,6 +152,7 @@ pub fn of_scene(scene: &Scene) -> Fingerprint {
         environment,
         warnings: _,
         source: _,
+        parts: _,
         vacant: _,
     } = scene;
     // The graph counts by what it places.

@@ -182,23 +182,24 @@ mod tests {
 
     #[test]
     fn eyes_are_let_be_as_long_as_the_photons_before_them_took_while_the_scene_is_the_same() {
-        let pressure = Pressure::default();
-        let traced = || {
-            pressure.serve();
-            pressure.begin();
-            assert!(pressure.admits("photons.trace"));
-            std::thread::sleep(6 * LET_BE);
-            assert!(pressure.admits("left.primary"));
+        let admits = |asked, elapsed: u32, photons: Option<u32>| {
+            let pressure = Pressure::default();
+            let eyes = Instant::now() - elapsed * LET_BE;
+            let photons = photons.map(|took| eyes - took * LET_BE);
+            *pressure.began.lock().unwrap() = Began {
+                frame: photons.unwrap_or(eyes),
+                photons,
+                eyes: Some(eyes),
+            };
+            pressure.ask(asked);
+            pressure.admits("left.gather")
         };
-        traced();
-        pressure.ask(Asked::View);
-        std::thread::sleep(2 * LET_BE);
-        assert!(pressure.admits("left.gather"));
-        pressure.ask(Asked::Scene);
-        assert!(!pressure.admits("left.gather"), "of another scene");
-        traced();
-        pressure.ask(Asked::View);
-        std::thread::sleep(7 * LET_BE);
-        assert!(!pressure.admits("left.gather"), "longer than the photons");
+        assert!(admits(Asked::View, 2, Some(60)));
+        assert!(
+            !admits(Asked::View, 61, Some(60)),
+            "longer than the photons"
+        );
+        assert!(!admits(Asked::View, 2, None), "nothing was traced");
+        assert!(!admits(Asked::Scene, 2, Some(60)), "of another scene");
     }
 }

@@ -79,6 +79,8 @@ pub struct Scene {
     pub skins: Vec<Skin>,
     /// Animations of the file.
     pub animations: Vec<Animation>,
+    /// Parts that were added and are there ([`Scene::add_part`]).
+    pub parts: Vec<u64>,
     /// Parts that were taken out ([`Scene::remove_part`]) and whose empty entries still hold the numbers behind them.
     pub vacant: Vec<ScenePart>,
     /// What rays see that leave the scene; black without one.

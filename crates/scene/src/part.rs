@@ -1,6 +1,7 @@
 //! Scenes that are added to another one while it is shown, and taken out again.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::edit::{EditError, Placement, checked};
 use super::{Image, Material, Mesh, Node, Scene, Skin, Texture};
@@ -26,7 +27,12 @@ pub struct ScenePart {
     pub skins: Range<usize>,
     /// Its animations.
     pub animations: Range<usize>,
+    /// Tells it from others, which get the same numbers once it is gone.
+    serial: u64,
 }
+
+/// Parts that were added in this process.
+static ADDED: AtomicU64 = AtomicU64::new(0);
 
 impl ScenePart {
     /// The node that all others hang on: to be moved, hidden, found.
@@ -161,7 +167,10 @@ impl Scene {
             Some(parent) => self.nodes[parent].children.push(root),
             None => self.roots.push(root),
         }
+        let serial = ADDED.fetch_add(1, Ordering::Relaxed);
+        self.parts.push(serial);
         Ok(ScenePart {
+            serial,
             nodes: append(&mut self.nodes, nodes),
             meshes: append(&mut self.meshes, meshes),
             materials: append(&mut self.materials, materials),
@@ -183,12 +192,11 @@ impl Scene {
     pub fn remove_part(&mut self, part: &ScenePart) -> Result<(), EditError> {
         let root = part.root();
         // One whose root was deleted still takes its memory.
-        let is_vacant = |gone: &ScenePart| gone.nodes == part.nodes;
-        if part.nodes.end > self.nodes.len() || self.vacant.iter().any(is_vacant) {
+        let Some(at) = self.parts.iter().position(|there| *there == part.serial) else {
             return Err(EditError::Gone {
                 name: format!("the part at node {root}"),
             });
-        }
+        };
         let below = self.subtree(root);
         let within =
             |number: Option<usize>, own: &Range<usize>| number.is_some_and(|n| own.contains(&n));
@@ -234,6 +242,7 @@ impl Scene {
         for clip in &mut self.animations[part.animations.clone()] {
             clip.nodes.clear();
         }
+        self.parts.remove(at);
         let mut vacant = std::mem::take(&mut self.vacant);
         vacant.push(part.clone());
         vacant.sort_by_key(|part| part.nodes.start);

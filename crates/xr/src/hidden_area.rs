@@ -24,12 +24,14 @@ impl HiddenArea {
                 .copied()
                 .filter(|corner| corner.iter().all(|c| c.is_finite()))
         };
-        let mut triangles: Vec<[[f64; 2]; 3]> = indices
-            .as_chunks::<3>()
-            .0
-            .iter()
-            .filter_map(|&[a, b, c]| Some([corner(a)?, corner(b)?, corner(c)?]))
-            .collect();
+        let corners = indices.as_chunks::<3>().0.iter();
+        let triangles = corners.filter_map(|&[a, b, c]| Some([corner(a)?, corner(b)?, corner(c)?]));
+        Self::from_triangles(triangles.collect())
+    }
+
+    /// From triangles; every number must be finite. The largest count.
+    #[must_use]
+    pub fn from_triangles(mut triangles: Vec<[[f64; 2]; 3]>) -> Self {
         if triangles.len() > MOST_TRIANGLES {
             let area = |[a, b, c]: &[[f64; 2]; 3]| {
                 ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs()
@@ -37,12 +39,6 @@ impl HiddenArea {
             triangles.sort_by(|a, b| area(b).total_cmp(&area(a)));
             triangles.truncate(MOST_TRIANGLES);
         }
-        Self { triangles }
-    }
-
-    /// From triangles; every number must be finite.
-    #[must_use]
-    pub fn from_triangles(triangles: Vec<[[f64; 2]; 3]>) -> Self {
         Self { triangles }
     }
 

@@ -80,8 +80,15 @@ impl<R: BufRead> TextLines<R> {
                     "more than 4,000,000 lines (12 hours at 90 Hz); cut the file into parts",
                 );
             }
-            let Ok(text) = String::from_utf8(bytes) else {
-                return refuse("not UTF-8 text; this is not a trace of poses");
+            let is_cut = bytes.last() != Some(&b'\n');
+            let text = match String::from_utf8(bytes) {
+                Ok(text) => text,
+                // A last line may end anywhere.
+                Err(error) if is_cut && error.utf8_error().error_len().is_none() => {
+                    let valid = error.utf8_error().valid_up_to();
+                    String::from_utf8_lossy(&error.as_bytes()[..valid]).into_owned()
+                }
+                Err(_) => return refuse("not UTF-8 text; this is not a trace of poses"),
             };
             let text = if number == 1 {
                 text.strip_prefix('\u{feff}').unwrap_or(&text)

@@ -288,6 +288,12 @@ fn what_the_shaders_lack_is_refused_and_changes_nothing() {
     live.remove(&one);
     assert!(live.scene.remove_part(&one).is_err());
     assert!(live.shown() == empty);
+    // Nor is what has its numbers now.
+    let next = live.added(ball(3, 0.0), front, 0.2);
+    assert_eq!(next.nodes.start, one.nodes.start);
+    assert!(live.scene.remove_part(&one).is_err());
+    assert!(live.shown() != empty);
+    live.remove(&next);
 }
 
 /// What needs other shaders: a renderer made on another thread takes over at the frame that the application chooses.

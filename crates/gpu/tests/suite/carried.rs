@@ -15,7 +15,8 @@ struct Sample {
     normal: [f32; 3],
     kind: u32,
     place_in_pixel: [f32; 2],
-    padding: [f32; 2],
+    /// 1 where green is not reflected; then nothing.
+    unknown: [f32; 2],
 }
 
 fn there_and_back(context: &GpuContext, samples: &[Sample]) -> Vec<Sample> {
@@ -23,9 +24,9 @@ fn there_and_back(context: &GpuContext, samples: &[Sample]) -> Vec<Sample> {
     ask(context, &kernel, &Resources::new(), samples, samples.len())
 }
 
-/// The largest channel is 2^17 to 2^18 steps, and rounding is off by half a step, or by one where it would leave the 18 bits,
-/// at 2^18: 2^-18 of the largest either way. f32 rounds the sum with a half by 2^-7 of a step.
-const LIGHT_BOUND: f64 = (1.0 + 1.0 / 64.0) / (1u32 << 18) as f64;
+/// The largest channel is 2^17 to 2^18 steps, and rounding is off by half a step, or by two where it would reach the greatest of 18
+/// bits, which says that nothing is known, at 2^18: by 2^-17 of the largest at most. f32 rounds the sum with a half by 2^-7 of a step.
+const LIGHT_BOUND: f64 = (2.0 + 1.0 / 64.0) / (1u32 << 18) as f64;
 /// Octahedral coordinates come in steps of 1 / 2047: half a step off each, sqrt(2) / 2 steps together. The octahedron's faces
 /// are sqrt(3) times as long as the plane of the coordinates, and their points at least 1 / sqrt(3) from the centre, so
 /// that directions are off by three times that; a hundredth for f32.
@@ -49,7 +50,7 @@ fn what_is_carried_survives_its_packing_within_its_steps() {
             normal: normal.to_array(),
             kind: i % 4,
             place_in_pixel: [unit() * 0.96, unit() * 0.96],
-            padding: [0.0; 2],
+            unknown: [0.0; 2],
         });
     }
     // Corners: nothing, the ends of the range, axes, pixel centres, which must come out exactly.
@@ -68,7 +69,7 @@ fn what_is_carried_survives_its_packing_within_its_steps() {
             normal: normal.to_array(),
             kind: 1,
             place_in_pixel: centre,
-            padding: [0.0; 2],
+            unknown: [0.0; 2],
         });
     }
     let unpacked = there_and_back(&context, &samples);
@@ -87,6 +88,7 @@ fn what_is_carried_survives_its_packing_within_its_steps() {
         assert_eq!(found.kind, given.kind, "{what}");
         assert_eq!(found.depth_m.to_bits(), given.depth_m.to_bits(), "{what}");
         assert!(light_error(given, found) <= LIGHT_BOUND, "{what}");
+        assert_eq!(found.unknown, [0.0; 2], "{what}");
         assert!(normal_error(given, found) <= NORMAL_BOUND, "{what}");
         for axis in 0..2 {
             let off = (found.place_in_pixel[axis] - given.place_in_pixel[axis]).abs();
@@ -95,6 +97,25 @@ fn what_is_carried_survives_its_packing_within_its_steps() {
         if given.place_in_pixel == centre {
             assert_eq!(found.place_in_pixel, centre, "{what}");
         }
+    }
+    // A channel that the surface does not reflect is unknown, whatever it holds.
+    let hidden = samples.iter().map(|sample| Sample {
+        unknown: [1.0, 0.0],
+        ..*sample
+    });
+    let hidden: Vec<_> = hidden.collect();
+    for (given, found) in hidden.iter().zip(there_and_back(&context, &hidden)) {
+        let [red, _, blue] = given.light;
+        let rest = Sample {
+            light: [red, 0.0, blue],
+            ..*given
+        };
+        assert_eq!(found.unknown, given.unknown, "{given:?} {found:?}");
+        assert_eq!(found.light[1], 0.0, "{given:?} {found:?}");
+        assert!(
+            light_error(&rest, &found) <= LIGHT_BOUND,
+            "{given:?} {found:?}"
+        );
     }
     // Negative control: a sample's neighbour is none of these.
     let other = |pair: &[Sample], with: &Sample| {

@@ -166,7 +166,7 @@ impl Document {
         let label = edit.label(&self.scene);
         let redo = edit.clone();
         let undo = edit.apply(&mut self.scene)?;
-        if undo == redo {
+        if undoes_nothing(&undo, &redo) {
             return Ok(());
         }
         self.note(&redo);
@@ -182,7 +182,7 @@ impl Document {
         if let Some(last) = self.undo.back_mut().filter(|last| merges(last)) {
             last.redo = redo;
             last.after = self.state;
-            if last.undo == last.redo {
+            if undoes_nothing(&last.undo, &last.redo) {
                 // Dragged back to where it was.
                 self.state = last.before;
                 self.undo.pop_back();
@@ -284,5 +284,13 @@ impl Document {
         if self.gesture.is_some() {
             self.begin_gesture();
         }
+    }
+}
+
+/// Whether an edit and what undoes it are the same: several are undone in the opposite order.
+fn undoes_nothing(undo: &Edit, redo: &Edit) -> bool {
+    match (undo, redo) {
+        (Edit::Several(undo), Edit::Several(redo)) => undo.iter().rev().eq(redo),
+        _ => undo == redo,
     }
 }

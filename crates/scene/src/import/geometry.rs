@@ -123,7 +123,8 @@ impl<'d> PrimitiveImport<'_, 'd> {
     /// Which triangles its indices make; `None` for points and lines, which have no surface.
     fn mode(&mut self) -> Result<Option<Mode>, SceneError> {
         if let Some(name) = extensions::compression_of(self.raw) {
-            let has_fallback = self.primitive.attributes.values().all(|accessor| {
+            let attributes = self.primitive.attributes.values();
+            let has_fallback = attributes.chain(&self.primitive.indices).all(|accessor| {
                 self.reader
                     .document
                     .root

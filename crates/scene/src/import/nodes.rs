@@ -361,6 +361,21 @@ pub fn check_placements(
             ));
         }
     }
+    // Joints count wherever they hang.
+    let rest = (!scene.skins.is_empty()).then(|| scene.rest_pose());
+    for (skin, joints) in scene.skins.iter().map(|skin| &skin.joints).enumerate() {
+        let is_beyond = |joint: &&usize| {
+            let placed = rest
+                .as_ref()
+                .and_then(|rest| rest.world_from_node.get(**joint));
+            placed.is_some_and(|placed| !placed.to_cols_array().into_iter().all(within))
+        };
+        if let Some(joint) = joints.iter().find(is_beyond) {
+            return Err(document.fault(format!(
+                "skins[{skin}], joint nodes[{joint}]: with those of its parents its transform is beyond 32-bit floats"
+            )));
+        }
+    }
     Ok(())
 }
 

@@ -452,3 +452,31 @@ fn what_a_file_has_flat_may_be_moved_and_nothing_else_is_flattened() {
     }
     assert!(scene == flattened);
 }
+
+#[test]
+fn several_nodes_that_are_dragged_back_leave_no_step() {
+    let mut document = Document::load("builtin:parade").unwrap();
+    let nodes = ["ball", "floor"].map(|name| node(document.scene(), name));
+    let before = document.scene().clone();
+    let place = |by: DVec3| {
+        let placed = nodes.map(|node| {
+            Edit::place(
+                node,
+                DAffine3::from_translation(by) * before.nodes[node].parent_from_node,
+            )
+        });
+        Edit::Several(placed.into())
+    };
+    document.begin_gesture();
+    for by in [DVec3::X, 2.0 * DVec3::X] {
+        document.edit(place(by)).unwrap();
+    }
+    assert!(document.is_modified());
+    for node in nodes {
+        assert!(document.scene().nodes[node] != before.nodes[node]);
+    }
+    document.edit(place(DVec3::ZERO)).unwrap();
+    document.end_gesture();
+    assert!(!document.is_modified());
+    assert!(document.undo_label().is_none());
+}

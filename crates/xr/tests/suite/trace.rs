@@ -94,6 +94,15 @@ fn a_cut_anywhere_in_the_last_line_loses_that_line_only() {
         assert!(cut.warnings[0].contains("line 3"), "{}", cut.warnings[0]);
     }
     assert!(read(&text[..last]).unwrap().warnings.is_empty());
+    // Within a character, too; before the last line it is none.
+    let half = &"\u{e4}".as_bytes()[..1];
+    let cut = [format!("{HEADER}\n{FRAME}\n{{\"").as_bytes(), half].concat();
+    let found = Trace::from_reader("t.jsonl", &*cut).unwrap();
+    assert_eq!(found.frames, whole.frames[..1]);
+    assert!(found.warnings[0].contains("line 3"), "{:?}", found.warnings);
+    let damaged = [HEADER.as_bytes(), half, b"\n", FRAME.as_bytes()].concat();
+    let error = Trace::from_reader("t.jsonl", &*damaged).unwrap_err();
+    assert_eq!(error.line, Some(1));
     // The control: the same damage before the last line is an error there.
     let error = read(&format!("{HEADER}\n{}\n{}\n", &FRAME[..100], frame_at(7))).unwrap_err();
     assert_eq!(error.line, Some(2));

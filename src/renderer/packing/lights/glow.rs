@@ -19,17 +19,20 @@ pub(super) struct Glow {
 }
 
 /// What a white surface would have as radiance, if the power of all emissive triangles were spread evenly over all surfaces,
-/// W sr^-1 m^-2, mean of the channels: sum of L A over sum of A. What shines counts as it lies in the file.
+/// W sr^-1 m^-2, mean of the channels: sum of L A over sum of A. What shines counts as it stands at rest.
 pub fn mean_glow(scene: &Scene) -> f64 {
     let glows = scene.meshes.iter().map(|mesh| mesh_glows(scene, mesh));
     let glows: Vec<_> = glows.collect();
     let mut emitted = 0.0;
+    let rest = scene.rest_pose();
     for instance in scene.instances() {
+        if glows[instance.mesh].is_empty() {
+            continue;
+        }
         let mesh = &scene.meshes[instance.mesh];
-        let area = |triangle| {
-            let corners = mesh.corners(triangle);
-            let [a, b, c] =
-                corners.map(|corner| instance.world_from_object.transform_point3(corner));
+        let positions = scene.positions_in_world(instance.node, mesh, &rest);
+        let area = |triangle: &crate::scene::MeshTriangle| {
+            let [a, b, c] = triangle.vertices.map(|vertex| positions[vertex as usize]);
             0.5 * (b - a).cross(c - a).length()
         };
         for glow in &glows[instance.mesh] {

@@ -57,8 +57,11 @@ impl Emitter {
     }
 }
 
-/// First corner and edges of a triangle as the file has it; of one without area as the morph target has it that gives it most,
-/// since a triangle that grows must have power from the start.
+/// Edge of a triangle without area of a mesh that deforms, m.
+const LEAST_EDGE_M: f64 = 0.01;
+
+/// First corner and edges of a triangle as the file has it; of one without area as the morph target has it that gives it most, or
+/// small, since a triangle that grows must have power from the start: it decides how often a light is picked, not how bright it is.
 fn lit_shape(mesh: &Mesh, triangle: usize) -> (DVec3, [DVec3; 2]) {
     let corners = mesh.corners(&mesh.triangles[triangle]);
     let doubled_area = |[a, b, c]: &[DVec3; 3]| (*b - *a).cross(*c - *a).length();
@@ -70,13 +73,18 @@ fn lit_shape(mesh: &Mesh, triangle: usize) -> (DVec3, [DVec3; 2]) {
         std::array::from_fn(|corner| corners[corner] + moved[corner])
     };
     let targets = mesh.targets.iter().map(morphed);
-    let [a, b, c] = if doubled_area(&corners) > 0.0 {
+    let mut shape = if doubled_area(&corners) > 0.0 {
         corners
     } else {
         targets
             .max_by(|one, other| doubled_area(one).total_cmp(&doubled_area(other)))
             .unwrap_or(corners)
     };
+    let deforms = !mesh.targets.is_empty() || !mesh.joints.is_empty();
+    if deforms && doubled_area(&shape) == 0.0 {
+        shape = [DVec3::ZERO, DVec3::X, DVec3::Y].map(|corner| shape[0] + LEAST_EDGE_M * corner);
+    }
+    let [a, b, c] = shape;
     (a, [b - a, c - a])
 }
 

@@ -2,7 +2,7 @@ use super::glow::glow_of;
 use super::*;
 use crate::scene::{
     AlphaMode, Filter, Image, Material, MeshTriangle, MorphTarget, Node, PunctualLight, Texture,
-    TextureRef, Wrap,
+    TextureRef, VertexJoints, Wrap,
 };
 
 fn node(mesh: Option<usize>, light: Option<usize>, parent_from_node: DAffine3) -> Node {
@@ -128,6 +128,13 @@ fn a_lamp_that_grows_out_of_nothing_has_power_from_the_start() {
     };
     mesh.targets = vec![sideways, opened];
     assert_eq!(packed(&folded).total_power, packed(&grown).total_power);
+    // Nor of what none of its targets opens by itself, or its joints alone do.
+    folded.meshes[0].targets.truncate(1);
+    assert!(packed(&folded).records[1].pick_pdf > 0.0);
+    let mesh = &mut folded.meshes[0];
+    mesh.targets.clear();
+    mesh.joints = vec![VertexJoints::default(); 3];
+    assert!(packed(&folded).records[1].pick_pdf > 0.0);
 }
 
 #[test]
