@@ -456,7 +456,7 @@ fn what_a_file_has_flat_may_be_moved_and_nothing_else_is_flattened() {
 #[test]
 fn several_nodes_that_are_dragged_back_leave_no_step() {
     let mut document = Document::load("builtin:parade").unwrap();
-    let nodes = ["ball", "floor"].map(|name| node(document.scene(), name));
+    let nodes = ["ball", "box"].map(|name| node(document.scene(), name));
     let before = document.scene().clone();
     let place = |by: DVec3| {
         let placed = nodes.map(|node| {
