@@ -574,20 +574,24 @@ fn saving_over_a_file_of_others_goes_on_to_what_it_was_for() {
     assert!(!viewer.state().document().is_modified());
 }
 
+/// Plays a walk for a second or so, and pauses; the views where it stands.
+fn paused_walk(viewer: &mut Viewer) -> [View; 2] {
+    push(viewer, "Motion");
+    push(viewer, "Walk");
+    for _ in 0..60 {
+        viewer.step();
+    }
+    press(viewer, Modifiers::NONE, Key::Space);
+    settle(viewer);
+    shown(viewer.state()).views
+}
+
 /// Who takes the head out of a recording stands where that was.
 #[test]
 fn a_head_that_is_taken_from_a_recording_stays_where_it_was() {
     let (_folder, mut viewer) = cornell("viewer-take-head");
     let start = viewer.state().head();
-    push(&mut viewer, "Motion");
-    push(&mut viewer, "Walk");
-    // A second or so of it.
-    for _ in 0..60 {
-        viewer.step();
-    }
-    press(&mut viewer, Modifiers::NONE, Key::Space);
-    settle(&mut viewer);
-    let there = View::midpoint_in_world(&shown(viewer.state()).views);
+    let there = View::midpoint_in_world(&paused_walk(&mut viewer));
     let way_m = (there - start.position).length();
     assert!(way_m > 0.01, "{way_m} m from the start");
     push(&mut viewer, "Motion");
@@ -600,14 +604,7 @@ fn a_head_that_is_taken_from_a_recording_stays_where_it_was() {
 #[test]
 fn a_recording_that_is_left_by_hand_waits_to_go_on() {
     let (_folder, mut viewer) = cornell("viewer-left-recording");
-    push(&mut viewer, "Motion");
-    push(&mut viewer, "Walk");
-    for _ in 0..60 {
-        viewer.step();
-    }
-    press(&mut viewer, Modifiers::NONE, Key::Space);
-    settle(&mut viewer);
-    let recorded = shown(viewer.state()).views;
+    let recorded = paused_walk(&mut viewer);
     hold(&mut viewer, Key::W, 5);
     settle(&mut viewer);
     assert_ne!(shown(viewer.state()).views, recorded);
