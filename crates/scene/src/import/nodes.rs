@@ -84,7 +84,7 @@ pub fn import(
         });
     }
     link_parents(document, &mut nodes)?;
-    let roots = scene_roots(document, &nodes, notes)?;
+    let roots = scene_roots(document, &mut nodes, notes)?;
     Ok(Graph {
         nodes,
         roots,
@@ -185,7 +185,7 @@ fn link_parents(document: &Document<'_>, nodes: &mut [Node]) -> Result<(), Scene
 
 fn scene_roots(
     document: &Document<'_>,
-    nodes: &[Node],
+    nodes: &mut [Node],
     notes: &mut Notes,
 ) -> Result<Vec<usize>, SceneError> {
     let root = &document.root;
@@ -219,12 +219,6 @@ fn scene_roots(
                 nodes.len()
             )));
         };
-        if let Some(parent) = node.parent {
-            return Err(document.fault(format!(
-                "scenes[{chosen}]: nodes[{index}] '{}' is not a root, it is a child of nodes[{parent}] '{}'",
-                node.name, nodes[parent].name
-            )));
-        }
         if listed[index] {
             return Err(document.fault(format!(
                 "scenes[{chosen}]: nodes[{index}] '{}' is listed twice",
@@ -234,7 +228,50 @@ fn scene_roots(
         listed[index] = true;
         roots.push(index);
     }
+    cut_from_parents(nodes, &listed, |line| {
+        notes.warn(format_args!("scenes[{chosen}]: {line}"));
+    })
+    .map_err(|line| document.fault(format!("scenes[{chosen}]: {line}")))?;
     Ok(roots)
+}
+
+/// Takes nodes that the scene lists as roots although they have a parent, as other readers do where the scene does not show that
+/// parent (UniGLTF writes such files); `note` gets a line for each. Where it shows both, what is meant is unknown: the fault's line.
+fn cut_from_parents(
+    nodes: &mut [Node],
+    listed: &[bool],
+    mut note: impl FnMut(String),
+) -> Result<(), String> {
+    let mut is_shown = vec![false; nodes.len()];
+    let of_listed = (0..nodes.len()).filter(|index| listed[*index]);
+    let mut pending: Vec<usize> = of_listed
+        .flat_map(|root| nodes[root].children.clone())
+        .collect();
+    while let Some(index) = pending.pop() {
+        if !std::mem::replace(&mut is_shown[index], true) {
+            pending.extend(&nodes[index].children);
+        }
+    }
+    for index in 0..nodes.len() {
+        let Some(parent) = nodes[index].parent.filter(|_| listed[index]) else {
+            continue;
+        };
+        let line = format!(
+            "nodes[{index}] '{}' is not a root, it is a child of nodes[{parent}] '{}'",
+            nodes[index].name, nodes[parent].name
+        );
+        if is_shown[index] {
+            return Err(format!("{line}, and would be shown twice"));
+        }
+        note(format!(
+            "{line}, which the scene does not show: it is taken as a root"
+        ));
+        nodes[index].parent = None;
+    }
+    for node in nodes {
+        node.children.retain(|child| !listed[*child]);
+    }
+    Ok(())
 }
 
 /// The numbers of `list` in f64, as the file has them: the typed form cuts them to `rounded`.

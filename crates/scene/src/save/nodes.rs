@@ -32,6 +32,12 @@ pub fn patch(root: &mut Value, original: &Original, scene: &Scene) {
             patch_node(value, before, node, &mut used);
         }
     }
+    if regrouped {
+        // All of them: a file may have had children that reading cut off.
+        for (value, node) in list_mut(root, "nodes").iter_mut().zip(&scene.nodes) {
+            set_list(value, "children", &node.children);
+        }
+    }
     // Without a scene every node without a parent is shown, deleted ones too.
     if regrouped && root.get("scenes").is_none() {
         root["scenes"] = json!([{ "nodes": original.roots }]);
@@ -77,9 +83,6 @@ fn patch_node(value: &mut Value, before: Option<&Node>, node: &Node, used: &mut 
     };
     if before.is_none_or(is_placed_anew) {
         patch_transform(value, before, node);
-    }
-    if before.map_or(&[][..], |before| &before.children) != node.children {
-        set_list(value, "children", &node.children);
     }
     if before.is_some_and(|before| before.is_hidden) != node.is_hidden {
         extension(value, VISIBILITY, used)["visible"] = json!(!node.is_hidden);

@@ -119,6 +119,36 @@ pub fn assert_fault(result: Result<Scene, String>, expected: &str) {
     }
 }
 
+/// Files of UniGLTF list the child of a node that no scene shows.
+#[test]
+fn a_listed_child_of_a_node_that_is_not_shown_is_a_root() {
+    let mut doc = Doc::square();
+    let above = json!({ "name": "above", "translation": [9, 0, 0], "children": [0, 2] });
+    doc.json["nodes"] =
+        json!([{ "name": "thing", "mesh": 0, "translation": [1, 2, 3] }, above, {}]);
+    let scene = doc.load().unwrap();
+    let told = "scenes[0]: nodes[0] 'thing' is not a root, it is a child of nodes[1] 'above', which the scene does not show";
+    assert_eq!(scene.warnings.len(), 1, "{:?}", scene.warnings);
+    assert!(scene.warnings[0].starts_with(told), "{:?}", scene.warnings);
+    assert_eq!(scene.roots, [0]);
+    assert_eq!(
+        (scene.nodes[0].parent, &scene.nodes[1].children),
+        (None, &vec![2])
+    );
+    assert_eq!(
+        scene.bounds_in_world().unwrap().min,
+        glam::DVec3::new(1.0, 2.0, 3.0)
+    );
+    // A fault where the parent is shown, too, at any depth.
+    doc.json["nodes"][2] = json!({ "name": "top", "children": [1] });
+    doc.json["nodes"][1]["children"] = json!([0]);
+    doc.json["scenes"][0]["nodes"] = json!([0, 2]);
+    assert_fault(
+        doc.load(),
+        "nodes[0] 'thing' is not a root, it is a child of nodes[1] 'above', and would be shown twice",
+    );
+}
+
 #[test]
 fn a_plain_square() {
     let scene = Doc::square().load().unwrap();

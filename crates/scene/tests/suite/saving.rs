@@ -89,6 +89,21 @@ fn every_edit_is_saved_and_read_back() {
 }
 
 #[test]
+fn a_node_that_reading_cut_from_its_parent_is_cut_in_what_is_saved_after_it_was_deleted() {
+    let folder = Folder::new("saving-cut");
+    let json = json!({
+        "asset": { "version": "2.0" },
+        "scenes": [{ "nodes": [1] }],
+        "nodes": [{ "name": "above", "children": [1] }, { "name": "thing" }],
+    });
+    let path = folder.write("cut.gltf", json.to_string());
+    let mut document = Document::load(path.to_str().unwrap()).unwrap();
+    assert_eq!(document.scene().warnings.len(), 1);
+    document.edit(Edit::Delete { node: 1 }).unwrap();
+    assert_reads_back(&document, "cut");
+}
+
+#[test]
 fn presets_with_and_without_textures_are_read_back() {
     let mut document = Document::load("builtin:gallery").unwrap();
     let count = document.scene().materials.len();
