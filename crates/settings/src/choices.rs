@@ -154,6 +154,30 @@ choices! {
         Three = "3",
     }
 
+    /// Passes of the a-trous wavelet filter (`reconstruct.atrous_passes`).
+    pub enum AtrousPasses {
+        /// 3 for paths; 2 for photons, whose noise is as wide as their discs
+        Auto = "auto",
+        /// None
+        Zero = "0",
+        /// To the pixels beside a pixel
+        One = "1",
+        /// 3 pixels far
+        Two = "2",
+        /// 7 pixels far
+        Three = "3",
+        /// 15 pixels far
+        Four = "4",
+        /// 31 pixels far
+        Five = "5",
+        /// 63 pixels far
+        Six = "6",
+        /// 127 pixels far
+        Seven = "7",
+        /// 255 pixels far
+        Eight = "8",
+    }
+
     /// Motion of the simulated headset (`simulated.motion`).
     pub enum Motion {
         /// The head does not move
@@ -330,6 +354,26 @@ impl Switch {
 impl From<bool> for Switch {
     fn from(on: bool) -> Self {
         if on { Self::On } else { Self::Off }
+    }
+}
+
+impl From<u32> for AtrousPasses {
+    /// More than eight are eight.
+    fn from(passes: u32) -> Self {
+        let numbers = &Self::ALL[1..];
+        numbers[(passes as usize).min(numbers.len() - 1)]
+    }
+}
+
+impl AtrousPasses {
+    /// How many, with a method.
+    #[must_use]
+    pub fn with(self, method: Method) -> u32 {
+        match (self, method) {
+            (Self::Auto, Method::Path) => 3,
+            (Self::Auto, Method::Photon) => 2,
+            _ => self as u32 - Self::Zero as u32,
+        }
     }
 }
 

@@ -13,9 +13,9 @@ pub mod table;
 pub mod user_pass;
 
 pub use choices::{
-    Aov, Choice, DirectLight, ExrLayout, ExrPrecision, Eyes, Force, FramesInFlight, ImageFormat,
-    Kept, Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule,
-    Search, Space, Switch, Technique, Timestamps, Tone, Turn, WriteImages,
+    Aov, AtrousPasses, Choice, DirectLight, ExrLayout, ExrPrecision, Eyes, Force, FramesInFlight,
+    ImageFormat, Kept, Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler,
+    Schedule, Search, Space, Switch, Technique, Timestamps, Tone, Turn, WriteImages,
 };
 pub use quality::Quality;
 pub use registry::{Kind, Setting};

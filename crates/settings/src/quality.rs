@@ -41,7 +41,7 @@ impl Quality {
             },
             light_candidates: settings.path.light_candidates,
             half_rate: settings.photon.half_rate.is_on(),
-            filter_passes: settings.reconstruct.atrous_passes,
+            filter_passes: settings.reconstruct.atrous_passes.with(settings.method),
             reuse: settings.reuse != Reuse::Off,
         }
     }
@@ -56,7 +56,7 @@ impl Quality {
         }
         settings.path.light_candidates = self.light_candidates;
         settings.photon.half_rate = self.half_rate.into();
-        settings.reconstruct.atrous_passes = self.filter_passes;
+        settings.reconstruct.atrous_passes = self.filter_passes.into();
     }
 
     /// `full` pixels at this scale.

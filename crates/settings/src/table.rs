@@ -6,9 +6,9 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::choices::{
-    Aov, Choice as _, DirectLight, ExrLayout, ExrPrecision, Force, FramesInFlight, ImageFormat,
-    Kept, Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler, Schedule,
-    Search, Space, Switch, Technique, Timestamps, Tone, Turn, WriteImages,
+    Aov, AtrousPasses, Choice as _, DirectLight, ExrLayout, ExrPrecision, Force, FramesInFlight,
+    ImageFormat, Kept, Kernel, Light, Loads, Method, Mips, Motion, PhotonEstimate, Reuse, Sampler,
+    Schedule, Search, Space, Switch, Technique, Timestamps, Tone, Turn, WriteImages,
 };
 use super::kinds::{Kind, MAX_SIZE, OwnKind, Row, RowSection, listed};
 use super::user_pass::UserPass;
@@ -329,7 +329,7 @@ settings! {
             /// while nothing moves, fade to the mean of all still frames
             still: Switch = Switch::Auto;
             /// passes of the a-trous wavelet filter; pass n reaches 2^(n - 1) pixels to each side
-            atrous_passes: u32 = 4, whole(0, 8);
+            atrous_passes: AtrousPasses = AtrousPasses::Auto;
             /// least weight of a new frame in the accumulated light
             color_alpha: f64 = 0.2, SHARE;
             /// least weight of a new frame in the luminance moments
@@ -647,8 +647,8 @@ impl ReconstructSettings {
 }
 
 impl RenderSettings {
-    /// Decides which switches that are left to `auto` are on, for a sequence or for frames that stand alone: with several samples
-    /// per pixel, or alone, none.
+    /// Decides what is left to `auto`, for a sequence or for frames that stand alone: with several samples per pixel, or alone, no
+    /// switch is on.
     pub fn decide_switches(&mut self, is_sequence: bool) {
         let auto = is_sequence && self.spp == 1;
         let own = &mut self.reconstruct;
@@ -657,6 +657,7 @@ impl RenderSettings {
                 *switch = auto.into();
             }
         }
+        own.atrous_passes = own.atrous_passes.with(self.method).into();
         // What lies between gathered pixels the filter would mix as well.
         let half_rate = &mut self.photon.half_rate;
         if *half_rate == Switch::Auto {

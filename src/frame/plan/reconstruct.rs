@@ -43,7 +43,8 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
             steps.run(&passes::motion, Size::List(List::SEEN));
         }
         if settings.svgf.is_on() {
-            filtered = svgf(&mut steps, settings.atrous_passes);
+            let passes = settings.atrous_passes.with(frame.settings.method);
+            filtered = svgf(&mut steps, passes);
         }
     }
     for &eye in frame.eyes() {

@@ -56,10 +56,14 @@ const WAYS: &[(&str, Change)] = &[
     ("filtered, eyes apart", |s| {
         s.reconstruct.svgf = true.into();
         s.reconstruct.stereo = false;
-        s.reconstruct.atrous_passes = 0;
+        s.reconstruct.atrous_passes = 0.into();
     }),
-    ("no filter passes", |s| s.reconstruct.atrous_passes = 0),
-    ("three filter passes", |s| s.reconstruct.atrous_passes = 3),
+    ("no filter passes", |s| {
+        s.reconstruct.atrous_passes = 0.into();
+    }),
+    ("three filter passes", |s| {
+        s.reconstruct.atrous_passes = 3.into();
+    }),
     ("everything shown", |s| {
         s.reconstruct.svgf = true.into();
         s.reconstruct.taa = true.into();

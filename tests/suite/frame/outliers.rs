@@ -90,7 +90,7 @@ fn light_without_history_lies_between_its_darkest_and_its_brightest_neighbour() 
         let mut settings = method(Method::Path, Reuse::Off);
         settings.reconstruct.svgf = true.into();
         settings.reconstruct.stereo = false;
-        settings.reconstruct.atrous_passes = 0;
+        settings.reconstruct.atrous_passes = 0.into();
         settings.reconstruct.firefly_frames = frames;
         settings.output.parts = true;
         let renderer = rendered(&scene, &settings, [SIZE, SIZE], &views);

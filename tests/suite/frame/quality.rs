@@ -80,7 +80,7 @@ fn made_so(quality: &Quality, settings: &RenderSettings) -> (RenderSettings, [u3
     settings.photon.max_depth = quality.max_depth;
     settings.path.light_candidates = quality.light_candidates;
     settings.photon.half_rate = quality.half_rate.into();
-    settings.reconstruct.atrous_passes = quality.filter_passes;
+    settings.reconstruct.atrous_passes = quality.filter_passes.into();
     if !quality.reuse {
         settings.reuse = Reuse::Off;
     }
