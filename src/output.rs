@@ -11,7 +11,9 @@ use crate::chrome_trace::ChromeTrace;
 use crate::exr_file::{ExrAttribute, ExrFile, ExrSamples};
 use crate::false_color::provenance_color;
 use crate::gpu::{HostSpan, Submission};
-use crate::images::{Image, ImageError, ImageRgb, ImageRgb8, write_atomically, write_png};
+use crate::images::{
+    Image, ImageError, ImageRgb, ImageRgb8, luminance, write_atomically, write_png,
+};
 use crate::renderer::{Eye, Inspected, InspectedValues};
 use crate::settings::{ExrLayout, ExrPrecision, Settings};
 use crate::tone::tone_map_by;
@@ -100,6 +102,31 @@ pub fn take(folder: &Path) -> io::Result<File> {
     Ok(stats)
 }
 
+/// Luminance that every curve shows as black or white in 8 bits, but for a step or two, and as something between.
+const BLACK: f64 = 2e-4;
+const WHITE: f64 = 30.0;
+const MIDDLE: f64 = 0.3;
+/// Pixels of an image that are looked at for it, about.
+const LOOKED_AT: usize = 65_536;
+
+/// Median luminance of the pixels that are not black; `None` if all are.
+fn lit_luminance(images: &FrameImages) -> Option<f64> {
+    let mut lit: Vec<f64> = Vec::new();
+    for (_, image) in &images.radiance {
+        let step = image.pixels.len().div_ceil(LOOKED_AT).max(1);
+        let looked_at = image.pixels.iter().step_by(step);
+        let luminances = looked_at.map(|pixel| luminance(pixel.map(f64::from)));
+        lit.extend(luminances.filter(|value| *value > 0.0 && value.is_finite()));
+    }
+    let middle = lit.len() / 2;
+    (!lit.is_empty()).then(|| *lit.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// The number with so many digits behind its first.
+fn rounded(number: f64, digits: usize) -> f64 {
+    format!("{number:.digits$e}").parse().unwrap_or(number)
+}
+
 /// The folder that a run writes to.
 pub struct OutputFolder {
     path: PathBuf,
@@ -111,6 +138,8 @@ pub struct OutputFolder {
     is_new: [bool; 2],
     stats: File,
     trace: Option<ChromeTrace>,
+    /// Of the last picture: [`lit_luminance`].
+    lit: Option<f64>,
 }
 
 impl OutputFolder {
@@ -150,6 +179,7 @@ impl OutputFolder {
             is_new,
             stats: take(path).map_err(fail)?,
             trace: None,
+            lit: None,
         })
     }
 
@@ -287,7 +317,7 @@ impl OutputFolder {
     /// # Errors
     /// [`OutputError`].
     pub fn write_frame(
-        &self,
+        &mut self,
         facts: &FrameFacts<'_>,
         images: &FrameImages,
     ) -> Result<(), OutputError> {
@@ -298,6 +328,7 @@ impl OutputFolder {
         }
         if let Some(picture) = self.picture(images)? {
             write_png(&self.frame_path(index, ".png"), &picture)?;
+            self.lit = lit_luminance(images);
         }
         if let (Some(provenance), Some(right)) = (&images.provenance, images.radiance(Eye::Right)) {
             let pixels = provenance.iter().map(|&p| provenance_color(p)).collect();
@@ -305,6 +336,23 @@ impl OutputFolder {
             write_png(&self.frame_path(index, "_reuse.png"), &picture)?;
         }
         Ok(())
+    }
+
+    /// The exposure to try where the last picture is all but white or black, in a sentence that says so.
+    #[must_use]
+    pub fn exposure_advice(&self) -> Option<String> {
+        let lit = self.lit?;
+        let shown = lit * self.settings.render.output.exposure;
+        let what = match shown {
+            ..BLACK => "darker",
+            WHITE.. => "brighter",
+            _ => return None,
+        };
+        Some(format!(
+            "half of what is lit in the last picture is {what} than {}, which its exposure does not show; try --set output.exposure={}",
+            rounded(lit, 1),
+            rounded(MIDDLE / lit, 0)
+        ))
     }
 
     /// The eyes side by side as a screen shows them.

@@ -387,6 +387,9 @@ fn render_session(
     // The first error is the one to tell.
     if ended.is_ok() || interrupt::requested() {
         written.map_err(Failure::failed)?;
+        if let Some(advice) = output.exposure_advice() {
+            eprint_line!("{advice}");
+        }
         eprint_line!("{}", run.summary_line(output.path()));
     }
     ended

@@ -269,3 +269,25 @@ fn settings_are_found_by_words_and_info_has_ten_lines() {
     );
     assert_says(&brief, &["emissive triangles"]);
 }
+
+/// Lights of files made for real units are thousands of times brighter than white.
+#[test]
+fn a_picture_that_its_exposure_shows_white_or_black_says_which_one_to_try() {
+    let folder = Folder::new("exposure");
+    let scene = ["--scene", "builtin:cornell", "--eyes", "left"];
+    let advised = |exposure: &str| {
+        let set = format!("output.exposure={exposure}");
+        let (output, text) = render(folder.path(), &[&scene[..], &["--set", &set]].concat());
+        assert_success(&output);
+        let advice = text.split_once("try --set output.exposure=");
+        advice.map(|(before, better)| {
+            let word = before.contains("brighter");
+            (word, better.lines().next().unwrap_or_default().to_owned())
+        })
+    };
+    assert_eq!(advised("1"), None);
+    let (is_bright, better) = advised("100000").unwrap();
+    assert!(is_bright);
+    assert_eq!(advised("0.000001"), Some((false, better.clone())));
+    assert_eq!(advised(&better), None);
+}
