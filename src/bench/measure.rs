@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 use serde_json::Value;
+use stereolux_report::ReportError;
 use stereolux_report::fingerprint::Fingerprint;
 use stereolux_report::journal::Journal;
 use stereolux_report::records::{Load, Machine, REFERENCE_SHARE, Row};
@@ -541,7 +542,7 @@ pub(super) fn differing_settings(settings: &Settings) -> BTreeMap<String, Value>
 /// Where a group's recorded trace lies; its folder is made.
 fn trace_path(out: &Path, plan: &GroupPlan) -> Result<PathBuf, BenchError> {
     let folder = out.join("traces");
-    std::fs::create_dir_all(&folder).map_err(|error| BenchError::file(&folder, error))?;
+    std::fs::create_dir_all(&folder).map_err(|error| ReportError::file(&folder, error))?;
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
     let name: String = plan.name.chars().map(plain).collect();
     Ok(folder.join(format!("{name}.jsonl")))

@@ -85,15 +85,7 @@ pub enum BenchError {
         /// The system's words.
         reason: String,
     },
-    /// A file.
-    #[error("{}: {reason}", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// The system's words.
-        reason: String,
-    },
-    /// The journal or the report.
+    /// The journal, the report, or another file.
     #[error(transparent)]
     Report(#[from] ReportError),
     /// The user wanted it to end; what was measured is in the journal.
@@ -118,15 +110,6 @@ fn go_on() -> Result<(), BenchError> {
         return Err(BenchError::Interrupted);
     }
     Ok(())
-}
-
-impl BenchError {
-    fn file(path: &Path, reason: impl fmt::Display) -> Self {
-        Self::File {
-            path: path.to_owned(),
-            reason: reason.to_string(),
-        }
-    }
 }
 
 impl From<GpuError> for BenchError {
@@ -294,7 +277,7 @@ fn take_part(plans: &mut Vec<GroupPlan>, [number, of]: [u32; 2]) -> Part {
 /// Joins the reports and journals of a suite's parts, so that the suite's own command finds all of it measured.
 ///
 /// # Errors
-/// [`BenchError::Report`], [`BenchError::File`], [`BenchError::Out`].
+/// [`BenchError::Report`], [`BenchError::Out`].
 pub fn merge(reports: &[(PathBuf, String)], out: &Path) -> Result<Outcome, BenchError> {
     let (head, rows) = join(reports)?;
     make_folder(out)?;
@@ -360,7 +343,7 @@ fn clock(device: &GpuContext) -> &'static str {
 
 fn write(out: &Path, report: &Report<'_>) -> Result<(), BenchError> {
     let plots = out.join("plots");
-    fs::create_dir_all(&plots).map_err(|error| BenchError::file(&plots, error))?;
+    fs::create_dir_all(&plots).map_err(|error| ReportError::file(&plots, error))?;
     write_files(out, report.files()?)
 }
 

@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
+use stereolux_report::ReportError;
 use stereolux_report::fingerprint::Fingerprint;
 use stereolux_report::records::Machine;
 
@@ -258,7 +259,7 @@ fn write(path: &Path, key: &str, moments: &RenderMoments) -> Result<(), BenchErr
         batches: moments.count,
         checksum: Fingerprint::default().with(&payload).to_string(),
     };
-    let header = serde_json::to_string(&header).map_err(|error| BenchError::file(path, error))?;
+    let header = serde_json::to_string(&header).map_err(|error| ReportError::file(path, error))?;
     write_atomically(path, |out| {
         writeln!(out, "{MAGIC}\n{header}")?;
         out.write_all(&payload)

@@ -227,7 +227,6 @@ impl From<crate::bench::BenchError> for Failure {
             | BenchError::Report(ReportError::Part { .. }) => Self::unusable(error),
             BenchError::Metrics(_)
             | BenchError::Image(_)
-            | BenchError::File { .. }
             | BenchError::Interrupted
             | BenchError::Report(_) => Self::failed(error),
         }

@@ -252,6 +252,7 @@ pub const BUFFERS: &[BufferRow] = &[
     // Reconstruction: `shaders/shared/reconstruction.wesl`.
     per_pixel!(Eye, "seen_surfaces", 16).holds(Holds::Turns),
     per_pixel!(Eye, "seen_emission", 4),
+    tile_list("tile_marks").cleared(&[Moment::Frame]),
     tile_list("seen_list"),
     fixed!(Eye, "seen_count", 16).cleared(&[Moment::Frame]),
     fixed!(Eye, "seen_groups", 32),

@@ -75,7 +75,8 @@ pub enum ReportError {
 }
 
 impl ReportError {
-    fn file(path: &Path, reason: impl fmt::Display) -> Self {
+    /// What is wrong with a file.
+    pub fn file(path: &Path, reason: impl fmt::Display) -> Self {
         Self::File {
             path: path.to_owned(),
             reason: reason.to_string(),

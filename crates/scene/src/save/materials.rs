@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::super::gltf_writer::{number, numbers};
 use super::super::{AlphaMode, Material, Scene, SceneError, TextureRef};
-use super::{Original, entry, extension, factor_and_strength, list_mut, note_used};
+use super::{Original, entry, extension, factor_and_strength, list_mut, note_used, remove};
 
 const STRENGTH: &str = "KHR_materials_emissive_strength";
 const IOR: &str = "KHR_materials_ior";
@@ -120,10 +120,8 @@ impl Sources<'_> {
                 .iter()
                 .position(|(_, slot)| slot.as_ref() == Some(wanted))?;
             let mut found = value.pointer(SLOTS[at])?.clone();
-            if let Some(object) = found.as_object_mut() {
-                // A normal texture's own.
-                object.shift_remove("scale");
-            }
+            // A normal texture's own.
+            remove(&mut found, &["scale"]);
             Some(found)
         })
     }
@@ -182,11 +180,11 @@ fn patch_material(
         if after.attenuation_distance_m.is_finite() {
             volume["attenuationDistance"] = number(after.attenuation_distance_m);
         } else {
-            remove(volume, "attenuationDistance");
+            remove(volume, &["attenuationDistance"]);
         }
     }
     if before.alpha_mode != after.alpha_mode {
-        remove(value, "alphaCutoff");
+        remove(value, &["alphaCutoff"]);
         value["alphaMode"] = json!(match after.alpha_mode {
             AlphaMode::Opaque => "OPAQUE",
             AlphaMode::Mask { .. } => "MASK",
@@ -210,7 +208,7 @@ fn patch_material(
         let (container, key) = SLOTS[at].rsplit_once('/').unwrap_or_default();
         let Some(slot) = slot else {
             if let Some(holder) = value.pointer_mut(container) {
-                remove(holder, key);
+                remove(holder, &[key]);
             }
             continue;
         };
@@ -234,10 +232,4 @@ fn patch_material(
         texture["scale"] = number(after.normal_scale);
     }
     Ok(())
-}
-
-fn remove(object: &mut Value, key: &str) {
-    if let Some(object) = object.as_object_mut() {
-        object.shift_remove(key);
-    }
 }

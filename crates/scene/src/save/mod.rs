@@ -200,6 +200,15 @@ fn list_mut<'a>(root: &'a mut Value, key: &str) -> &'a mut [Value] {
     }
 }
 
+/// Takes keys out of an object.
+fn remove(object: &mut Value, keys: &[&str]) {
+    if let Some(object) = object.as_object_mut() {
+        for key in keys {
+            object.shift_remove(*key);
+        }
+    }
+}
+
 /// The value under a key, made by `default` where there is none.
 fn entry<'a>(object: &'a mut Value, key: &str, default: impl FnOnce() -> Value) -> &'a mut Value {
     if object.get(key).is_none() {

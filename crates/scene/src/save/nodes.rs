@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::super::gltf_writer::{number, numbers, put_light_kind};
 use super::super::{Node, PunctualLight, Scene};
-use super::{Original, entry, extension, factor_and_strength, list_mut, note_used};
+use super::{Original, entry, extension, factor_and_strength, list_mut, note_used, remove};
 
 const VISIBILITY: &str = "KHR_node_visibility";
 const LIGHTS: &str = "KHR_lights_punctual";
@@ -67,10 +67,10 @@ pub fn patch(root: &mut Value, original: &Original, scene: &Scene) {
 
 /// glTF has no empty lists.
 fn set_list(object: &mut Value, key: &str, list: &[usize]) {
-    if !list.is_empty() {
+    if list.is_empty() {
+        remove(object, &[key]);
+    } else {
         object[key] = json!(list);
-    } else if let Some(object) = object.as_object_mut() {
-        object.shift_remove(key);
     }
 }
 
@@ -125,14 +125,6 @@ fn patch_transform(value: &mut Value, before: Option<&Node>, node: &Node) {
     }
     if all || parts.scale != same.scale {
         value["scale"] = json!(parts.scale.to_array());
-    }
-}
-
-fn remove(value: &mut Value, keys: &[&str]) {
-    if let Some(object) = value.as_object_mut() {
-        for key in keys {
-            object.shift_remove(*key);
-        }
     }
 }
 
