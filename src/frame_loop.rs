@@ -129,6 +129,7 @@ fn skip(
         // Also where nothing is shown: rays are cast at what stands there.
         let frame = FrameInput::new(index, &state, &located, input);
         application.update(session, renderer, frame)?;
+        renderer.flush_uploads();
     }
     let quality = settle_quality(renderer, &state, before)?;
     session.end_frame(FrameSubmission::new(time_ns, None).with_quality(quality))?;

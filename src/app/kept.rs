@@ -171,6 +171,7 @@ impl Kept {
             }
             let successor = renderer.rebuild().build(&self.library, &self.scene)?;
             renderer.succeed_by(successor)?;
+            renderer.follow(&self.scene);
         }
         Ok(())
     }
@@ -186,7 +187,11 @@ impl Kept {
             successor,
         }: Arrival,
     ) -> Result<bool, RenderError> {
-        let Some(successor) = successor else {
+        // Other parts that came or went meanwhile may be as large as those before, which nobody would notice.
+        let is_of_these = |successor: &Successor| {
+            self.scene.parts.split_last() == Some((&part.serial, &successor.parts[..]))
+        };
+        let Some(successor) = successor.filter(|own| is_of_these(own)) else {
             return Ok(false);
         };
         renderer.succeed_by(successor.renderer)?;

@@ -39,6 +39,8 @@ pub(super) struct Successor {
     pub(super) renderer: Renderer,
     /// [`Kept::surroundings`] of the scene that it was made from.
     pub(super) surroundings: u32,
+    /// Parts that this scene had.
+    pub(super) parts: Vec<u64>,
     /// Of the part.
     needs: Needs,
 }
@@ -128,6 +130,7 @@ impl PartLoading {
                 successor = Some(Box::new(Successor {
                     renderer,
                     surroundings,
+                    parts: scene.parts,
                     needs,
                 }));
             }

@@ -20,7 +20,6 @@ pub mod suites;
 pub mod variant_statistics;
 mod work;
 
-use std::fmt;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

@@ -380,6 +380,8 @@ impl Renderer {
             relit,
         } = self.scene.edit(&self.context, &change)?;
         self.is_bound &= !replaced;
+        let only_moved = base.materials == scene.materials && !repainted.contains(&true);
+        let radii_before = [self.radius_m, self.caustic_radius_m];
         self.area_m2 = area_m2(&self.settings, &base.statistics, scene);
         [self.radius_m, self.caustic_radius_m] = radii_m(&self.settings, self.area_m2);
         self.shorten_dispatches();
@@ -389,7 +391,9 @@ impl Renderer {
         }
         self.edit_base.note(scene);
         self.edit_base.needs = needs.clone();
-        self.edit_base.outdates_photons = true;
+        // Things that were put elsewhere are like those that a clip moves: photons may be retraced in shares.
+        let same_radii = radii_before == [self.radius_m, self.caustic_radius_m];
+        self.edit_base.outdates_photons |= !(only_moved && keeps_history && same_radii);
         let wanted = shader_features(needs, &self.settings);
         let spare_features = self
             .features()
@@ -511,6 +515,12 @@ impl Renderer {
     /// Takes an instance out of the scene; false if there is none of that number.
     pub fn remove_instance(&mut self, id: InstanceId) -> bool {
         self.scene.remove_instance(id)
+    }
+
+    /// Hands over what was written for frames that are not rendered; the queue else keeps it all until something is submitted.
+    pub(crate) fn flush_uploads(&self) {
+        self.context
+            .submit(self.context.encoder("uploads").finish());
     }
 
     /// Whether anything of the scene, the head aside, moved between the last frame and the one before it.

@@ -113,7 +113,8 @@ impl Renderer {
         let Some(known) = self.reconstruction.as_ref().filter(|_| refines) else {
             return 0;
         };
-        if self.edit_base.outdates_photons || self.scene.scene_moved() {
+        let moved = self.scene.scene_moved() || self.scene.has_repainted_image();
+        if self.edit_base.outdates_photons || moved {
             return 0;
         }
         let eyes = if self.has_both_eyes() { 2 } else { 1 };

@@ -64,7 +64,9 @@ impl Renderer {
             let photons = Some((origin, photon_key));
             self.write_frame_uniform(&self.frame_uniform(views, frame_index, 0, photons));
             for index in 0..self.maps.len() {
-                flight.result.photons.retraced += self.trace_map(index, due, waits, flight)?;
+                let paths = self.trace_map(index, due, waits, flight)?;
+                let photons = &mut flight.result.photons;
+                photons.retraced = photons.retraced.saturating_add(paths);
                 self.maps[index].note_trace(flight.serial, origin, photon_key);
             }
             self.traced_pass = self.progressive_pass.index;

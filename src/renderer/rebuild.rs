@@ -3,7 +3,7 @@
 
 use super::{RenderError, Renderer, shader_features};
 use crate::gpu::{GpuContext, ShaderFeatures, ShaderLibrary};
-use crate::scene::{Needs, Scene};
+use crate::scene::{Needs, Player, Scene};
 use crate::settings::{Eyes, RenderSettings};
 use crate::xr::HiddenArea;
 
@@ -87,19 +87,27 @@ impl Renderer {
         successor.reuse_from_now_on(quality.reuse);
         successor.frames_begun = self.frames_begun;
         successor.frames_before = self.frames_begun;
-        if successor.player.is_none() {
-            // Played though no clip was to be at the start.
-            successor.player = self.player.take();
+        match (&mut successor.player, self.player.take()) {
+            (Some(player), Some(before)) => player.take_over(&before),
+            // None is played that was not, and one that was though none was to be at the start.
+            (player, before) => *player = before,
         }
-        if let Some(player) = &mut successor.player {
-            if let Some(before) = &self.player {
-                player.take_over(before);
-            }
-            if let Some(pose) = player.last_pose() {
-                successor.scene.set_pose(&pose);
-            }
-        }
+        successor.take_pose();
         *self = successor;
         Ok(())
+    }
+
+    /// A clip that goes on in another renderer drives the nodes of this scene, which that one was made of.
+    pub(crate) fn follow(&mut self, scene: &Scene) {
+        if let Some(player) = &mut self.player {
+            player.follow(scene);
+        }
+        self.take_pose();
+    }
+
+    fn take_pose(&mut self) {
+        if let Some(pose) = self.player.as_mut().and_then(Player::last_pose) {
+            self.scene.set_pose(&pose);
+        }
     }
 }

@@ -2,6 +2,7 @@
 //! handing images over.
 
 use crate::gpu::ShaderLibrary;
+use crate::settings::Eyes as EyeChoice;
 use crate::xr::view::Tangents;
 use crate::xr::{HiddenArea, RuntimeTargets, View};
 
@@ -47,8 +48,14 @@ impl Renderer {
         if hidden.tangents == Some(tangents) {
             return;
         }
-        for ((eye, area), tangents) in Eye::BOTH.into_iter().zip(&hidden.areas).zip(&tangents) {
-            let bits = area.pixels(tangents, self.image.size);
+        // The right eye alone is rendered as the left one.
+        let of_eyes = if self.eye_choice == EyeChoice::Right {
+            [1, 0]
+        } else {
+            [0, 1]
+        };
+        for (eye, of) in Eye::BOTH.into_iter().zip(of_eyes) {
+            let bits = hidden.areas[of].pixels(&tangents[of], self.image.size);
             let place = (Whose::Eye(eye), "hidden_pixels");
             let bits = bytemuck::cast_slice(&bits);
             self.frame.buffers.write(&self.context, place, bits);

@@ -88,18 +88,20 @@ impl Scene {
             .joints
             .first()
             .map_or(DVec3::ZERO, |joint| world_from(*joint).translation);
-        let object_from_mesh = skin
-            .joints
-            .iter()
-            .zip(&skin.joint_from_mesh)
+        let mut world_from_object = DAffine3::from_translation(stand);
+        // It does count for which side is the front (section 3.7.4).
+        if world_from(node).matrix3.determinant() < 0.0 {
+            world_from_object.matrix3 = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
+        }
+        let object_from_world = world_from_object.inverse();
+        let joints = skin.joints.iter().zip(&skin.joint_from_mesh);
+        let object_from_mesh = joints
             .map(|(joint, joint_from_mesh)| {
-                let mut object_from_joint = world_from(*joint);
-                object_from_joint.translation -= stand;
-                object_from_joint * *joint_from_mesh
+                object_from_world * world_from(*joint) * *joint_from_mesh
             })
             .collect();
         Deformation {
-            world_from_object: DAffine3::from_translation(stand),
+            world_from_object,
             object_from_mesh,
             weights,
         }

@@ -427,6 +427,9 @@ impl Scene {
         let placed = std::iter::once((node, *world_from_node)).chain(below);
         let boxes = placed.filter_map(|(index, world_from_node)| {
             let mesh = self.meshes.get(self.nodes.get(index)?.mesh?)?;
+            if self.deforms(index) {
+                return Bounds::of_points(self.positions_in_world(index, mesh, &self.rest_pose()));
+            }
             let positions = mesh.positions.iter().map(|position| as_dvec3(*position));
             Bounds::of_points(positions.map(|position| world_from_node.transform_point3(position)))
         });

@@ -28,7 +28,7 @@ pub struct ScenePart {
     /// Its animations.
     pub animations: Range<usize>,
     /// Tells it from others, which get the same numbers once it is gone.
-    serial: u64,
+    pub serial: u64,
 }
 
 /// Parts that were added in this process.

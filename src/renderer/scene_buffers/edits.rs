@@ -112,7 +112,12 @@ impl SceneBuffers {
         }
     }
 
-    /// Whether a texture has another picture than in the last frame, said once.
+    /// Whether a texture has another picture than in the last frame.
+    pub(in crate::renderer) fn has_repainted_image(&self) -> bool {
+        self.has_repainted_image
+    }
+
+    /// The same, said once.
     pub(in crate::renderer) fn take_repainted_image(&mut self) -> bool {
         std::mem::take(&mut self.has_repainted_image)
     }

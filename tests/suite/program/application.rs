@@ -5,11 +5,11 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use stereolux::images::read_image;
 use stereolux::{
-    Actions, App, AppError, Edit, FrameInput, NewContent, PartLoading, Quality, ScenePart, Side,
-    World, WorldError, run_app_with,
+    Actions, App, AppError, Edit, FrameInput, NewContent, PanelSpec, PartLoading, Pose, Quality,
+    ScenePart, Side, World, WorldError, run_app_with,
 };
 use stereolux::{Fov, Headset, ImageRgb8, Motion, RenderSettings, Scene, SimulatedSession};
 
@@ -379,6 +379,64 @@ fn an_application_ends_its_run_and_its_errors_end_it_too() {
     for more in [&[][..], &["--speed=3"]] {
         assert_eq!(ended(&mut Lacks, more), ExitCode::from(2), "{more:?}");
     }
+}
+
+/// Starts a clip, then puts a node that it does not drive elsewhere in a frame whose panels ask for another renderer.
+#[derive(Default)]
+struct Elsewhere {
+    is_met: bool,
+}
+
+impl App for Elsewhere {
+    fn update(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
+        let scene = world.scene();
+        let clip = &scene.animations[0];
+        let is_own = |node: &usize| {
+            let own = &scene.nodes[*node];
+            let is_alone = own.parent.is_none() && own.children.is_empty() && own.skin.is_none();
+            is_alone && own.mesh.is_some() && !clip.nodes.iter().any(|track| track.node == *node)
+        };
+        let node = (0..scene.nodes.len()).find(is_own).ok_or("no such node")?;
+        let name = clip.name.clone();
+        match frame.frame {
+            0 => world.play_clip(&name, 1.0, 0.0)?,
+            2 => {
+                world.place(node, DAffine3::from_translation(50.0 * DVec3::X))?;
+                for name in ["one", "another"] {
+                    let panel = PanelSpec {
+                        name: name.to_owned(),
+                        world_from_panel: Pose::new(100.0 * DVec3::Y, DQuat::IDENTITY),
+                        width_m: 0.3,
+                        pixels: [16, 16],
+                        radiance: 1.0,
+                    };
+                    world.add_panel(&panel)?;
+                }
+            }
+            4 => {
+                assert_eq!(world.clip().map(|(name, _)| name.to_owned()), Some(name));
+                let middle = world.center_in_world(node)?;
+                let meets = |at: i32| {
+                    let aside = DVec3::new(f64::from(at % 30 - 15), 100.0, f64::from(at / 30 - 15));
+                    let from = middle + aside * DVec3::new(0.1, 0.2, 0.1);
+                    let hit = world.cast_ray(from, DVec3::NEG_Y, 60.0, &[]);
+                    hit.is_some_and(|hit| hit.node == Some(node))
+                };
+                self.is_met = (0..900).any(meets);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn a_clip_that_goes_on_in_another_renderer_leaves_edited_nodes_where_they_were_put() {
+    let folder = support::Folder::new("elsewhere");
+    let mut app = Elsewhere::default();
+    let more = words("--scene=builtin:parade --frames=6 --set animation.clip=none");
+    run_well(&mut app, &[], folder.path(), &more);
+    assert!(app.is_met);
 }
 
 /// A file that is loaded, or a scene that is made, added in frame 1 and taken out in frame 3.

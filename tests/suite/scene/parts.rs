@@ -324,6 +324,38 @@ fn a_renderer_made_on_a_thread_takes_over() {
 }
 
 #[test]
+fn a_renderer_that_takes_over_plays_what_played_and_nothing_else() {
+    let scene = builtin("parade");
+    let mut unmoved = scene.clone();
+    unmoved.animations.clear();
+    let taken_over = |clip: &str, played: Option<&str>, first: &Scene| {
+        let mut live = Live::new(
+            first.clone(),
+            settings(|s| s.animation.clip = clip.to_owned()),
+        );
+        if let Some(name) = played {
+            live.renderer.play_clip(first, name, 1.0, 0.0, 0).unwrap();
+        }
+        let made = live
+            .renderer
+            .rebuild()
+            .build(&ShaderLibrary::embedded(), &scene);
+        live.renderer.succeed_by(made.unwrap()).unwrap();
+        live.renderer.clip().map(|(name, _)| name.to_owned())
+    };
+    assert_eq!(taken_over("", None, &unmoved), None);
+    assert_eq!(taken_over("none", None, &scene), None);
+    assert_eq!(
+        taken_over("none", Some("wave"), &scene).as_deref(),
+        Some("wave")
+    );
+    assert_eq!(
+        taken_over("", Some("wave"), &scene).as_deref(),
+        Some("wave")
+    );
+}
+
+#[test]
 fn many_additions_leave_no_memory_behind() {
     // Memory is the process's, so it has one of its own.
     const ALONE: &str = "STEREOLUX_TEST_ALONE";

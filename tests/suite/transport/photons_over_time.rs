@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use glam::{DAffine3, DVec3};
 use stereolux::renderer::{Eye, FrameResult, InstanceId, MapKind, Renderer};
+use stereolux::scene::Scene;
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
@@ -45,6 +46,32 @@ fn photons(renderer: &Renderer) -> BTreeSet<Vec<u8>> {
 fn nudge(renderer: &mut Renderer, by_m: f64) {
     let aside = DAffine3::from_translation(DVec3::X * by_m);
     assert!(renderer.set_instance_transform(InstanceId(6), aside));
+}
+
+/// As by an instance that is moved; what changes otherwise may change how all photons fly.
+#[test]
+fn an_edit_that_only_places_nodes_has_shares_traced_and_another_one_all() {
+    let mut scene = builtin("cornell");
+    let mut renderer = renderer(&scene, &settings(|_| {}), [16, 16]);
+    let views = views_from(DVec3::ZERO);
+    let mut retraced = |scene: &Scene, frame| {
+        renderer.apply_scene(scene).unwrap();
+        step(&mut renderer, &views, frame).photons.retraced
+    };
+    assert_eq!(retraced(&scene, 0), PATHS);
+    let block = scene
+        .nodes
+        .iter()
+        .position(|node| node.name == "short block");
+    let block = &mut scene.nodes[block.unwrap()];
+    block.parent_from_node.translation.x += 0.05;
+    block.parts = None;
+    assert_eq!(retraced(&scene, 1), PATHS / SHARES);
+    scene.materials[0].base_color[1] *= 0.5;
+    assert_eq!(retraced(&scene, 2), PATHS);
+    let light = scene.nodes.iter().position(|node| node.name == "lamp");
+    scene.nodes[light.unwrap()].parent_from_node.matrix3 *= 0.5;
+    assert_eq!(retraced(&scene, 3), PATHS);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Animations, skins and morph targets as files have them: what is read, and one clear line for every fault.
 
-use glam::{DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use serde_json::{Value, json};
 use stereolux_scene::builtin;
 
@@ -44,6 +44,40 @@ fn set_key_time(json: &Value, bin: &mut [u8], key: usize, time_s: f32) {
         .as_u64()
         .unwrap();
     bin[first as usize + 4 * key..][..4].copy_from_slice(&time_s.to_le_bytes());
+}
+
+/// Section 3.7.4 of glTF 2.0: a node's transform counts for which side of a skinned mesh is the front, though not for where it is.
+#[test]
+fn a_skin_below_a_mirrored_node_is_mirrored_with_it() {
+    let scene = Scene::builtin("parade").unwrap();
+    let tube = node(&scene, "tube");
+    let mesh = &scene.meshes[scene.nodes[tube].mesh.unwrap()];
+    let mut mirrored = scene.clone();
+    let aside = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+    for root in scene.roots.clone() {
+        let node = &mut mirrored.nodes[root];
+        node.parent_from_node = aside * node.parent_from_node;
+        node.parts = None;
+    }
+    let side_of = |scene: &Scene| {
+        let deformation = scene.deformation(tube, &scene.rest_pose());
+        let determinant = deformation.world_from_object.matrix3.determinant();
+        // In its own space the mesh is never turned inside out.
+        let inner = deformation.object_from_mesh[0].matrix3.determinant();
+        (determinant.signum(), inner.signum())
+    };
+    assert_eq!(
+        (side_of(&scene), side_of(&mirrored)),
+        ((1.0, 1.0), (-1.0, 1.0))
+    );
+    let positions = |scene: &Scene| scene.positions_in_world(tube, mesh, &scene.rest_pose());
+    for (place, other) in positions(&scene).into_iter().zip(positions(&mirrored)) {
+        // A few roundings of f64 at 1 m.
+        assert!(
+            (aside.transform_point3(place) - other).length() < 1e-14,
+            "{place} {other}"
+        );
+    }
 }
 
 #[test]
