@@ -106,6 +106,8 @@ pub fn take(folder: &Path) -> io::Result<File> {
 const BLACK: f64 = 2e-4;
 const WHITE: f64 = 30.0;
 const MIDDLE: f64 = 0.3;
+/// The greatest that `output.exposure` takes.
+const MOST_EXPOSURE: f64 = 1e9;
 /// Pixels of an image that are looked at for it, about.
 const LOOKED_AT: usize = 65_536;
 
@@ -351,7 +353,7 @@ impl OutputFolder {
         Some(format!(
             "half of what is lit in the last picture is {what} than {}, which its exposure does not show; try --set output.exposure={}",
             rounded(lit, 1),
-            rounded(MIDDLE / lit, 0)
+            rounded((MIDDLE / lit).min(MOST_EXPOSURE), 0)
         ))
     }
 

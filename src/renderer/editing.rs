@@ -380,7 +380,7 @@ impl Renderer {
             relit,
         } = self.scene.edit(&self.context, &change)?;
         self.is_bound &= !replaced;
-        let only_moved = base.materials == scene.materials && !repainted.contains(&true);
+        let only_moved = !lights && base.materials == scene.materials && !repainted.contains(&true);
         let radii_before = [self.radius_m, self.caustic_radius_m];
         self.area_m2 = area_m2(&self.settings, &base.statistics, scene);
         [self.radius_m, self.caustic_radius_m] = radii_m(&self.settings, self.area_m2);

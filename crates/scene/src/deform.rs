@@ -52,7 +52,7 @@ impl Scene {
     }
 
     /// The skin of a node whose mesh has joints; others have no use of one.
-    fn skin_of(&self, node: usize) -> Option<&Skin> {
+    pub(crate) fn skin_of(&self, node: usize) -> Option<&Skin> {
         let node = self.nodes.get(node)?;
         let mesh = self.meshes.get(node.mesh?)?;
         let skin = self.skins.get(node.skin?)?;

@@ -427,7 +427,8 @@ impl Scene {
         let placed = std::iter::once((node, *world_from_node)).chain(below);
         let boxes = placed.filter_map(|(index, world_from_node)| {
             let mesh = self.meshes.get(self.nodes.get(index)?.mesh?)?;
-            if self.deforms(index) {
+            // Its joints place it.
+            if self.skin_of(index).is_some() {
                 return Bounds::of_points(self.positions_in_world(index, mesh, &self.rest_pose()));
             }
             let positions = mesh.positions.iter().map(|position| as_dvec3(*position));
