@@ -166,14 +166,8 @@ fn link_parents(document: &Document<'_>, nodes: &mut [Node]) -> Result<(), Scene
         }
     }
     // With one parent each, whatever no parentless node reaches lies on or below a cycle.
-    let mut reached = vec![false; nodes.len()];
-    let mut pending: Vec<usize> = (0..nodes.len())
-        .filter(|index| nodes[*index].parent.is_none())
-        .collect();
-    while let Some(index) = pending.pop() {
-        reached[index] = true;
-        pending.extend(&nodes[index].children);
-    }
+    let tops = (0..nodes.len()).filter(|index| nodes[*index].parent.is_none());
+    let reached = reached_from(nodes, tops.collect());
     match reached.iter().position(|reached| !reached) {
         None => Ok(()),
         Some(index) => Err(document.fault(format!(
@@ -181,6 +175,17 @@ fn link_parents(document: &Document<'_>, nodes: &mut [Node]) -> Result<(), Scene
             label(nodes, index)
         ))),
     }
+}
+
+/// Which nodes are those of `pending`, or below one of them.
+fn reached_from(nodes: &[Node], mut pending: Vec<usize>) -> Vec<bool> {
+    let mut reached = vec![false; nodes.len()];
+    while let Some(index) = pending.pop() {
+        if !std::mem::replace(&mut reached[index], true) {
+            pending.extend(&nodes[index].children);
+        }
+    }
+    reached
 }
 
 fn scene_roots(
@@ -242,16 +247,9 @@ fn cut_from_parents(
     listed: &[bool],
     mut note: impl FnMut(String),
 ) -> Result<(), String> {
-    let mut is_shown = vec![false; nodes.len()];
     let of_listed = (0..nodes.len()).filter(|index| listed[*index]);
-    let mut pending: Vec<usize> = of_listed
-        .flat_map(|root| nodes[root].children.clone())
-        .collect();
-    while let Some(index) = pending.pop() {
-        if !std::mem::replace(&mut is_shown[index], true) {
-            pending.extend(&nodes[index].children);
-        }
-    }
+    let below = of_listed.flat_map(|root| nodes[root].children.iter().copied());
+    let is_shown = reached_from(nodes, below.collect());
     for index in 0..nodes.len() {
         let Some(parent) = nodes[index].parent.filter(|_| listed[index]) else {
             continue;
