@@ -353,6 +353,23 @@ impl Deformer {
         Some(triangles.map(|t| t.vertices.map(corners)).collect())
     }
 
+    /// The same for those that are asked for one by one.
+    pub fn corners_now(&self, mesh: usize) -> Option<impl Fn(usize) -> [DVec3; 3]> {
+        let shape = self.shapes.iter().find(|shape| shape.mesh == mesh)?;
+        let mesh = &self.skeleton.meshes[mesh];
+        Some(|triangle: usize| {
+            let vertices = mesh.triangles[triangle].vertices;
+            vertices.map(|vertex| shape.now.position(mesh, vertex as usize))
+        })
+    }
+
+    /// The next pose counts as a new one for all meshes.
+    pub fn forget_pose(&mut self) {
+        for shape in &mut self.shapes {
+            shape.now = Deformation::default();
+        }
+    }
+
     /// Where the previous frame's positions of a mesh begin.
     pub fn first_position(&self, mesh: usize) -> Option<u32> {
         let shape = self.shapes.iter().find(|shape| shape.mesh == mesh)?;

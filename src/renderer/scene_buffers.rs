@@ -270,11 +270,10 @@ impl SceneBuffers {
         for shape in reshaped {
             self.hierarchies.meshes[shape.mesh].bounds = Some(shape.bounds);
             self.table.note_mesh(shape.mesh as u32);
-            let bounds = Bounds {
-                min: shape.bounds.min.as_dvec3(),
-                max: shape.bounds.max.as_dvec3(),
-            };
-            self.packed_lights.reshape_mesh(shape.mesh, bounds);
+            let deformer = self.deformer.as_ref();
+            if let Some(corners) = deformer.and_then(|deformer| deformer.corners_now(shape.mesh)) {
+                self.packed_lights.reshape_mesh(shape.mesh, corners);
+            }
             if let Some(id) = self.instance_of_node(shape.node) {
                 let place = shape.world_from_object;
                 if !self.place_instance(id, place) {

@@ -122,15 +122,17 @@ impl Deformation {
     /// Positions of the mesh's vertices in the deformed object space.
     pub fn positions(&self, mesh: &Mesh) -> Vec<DVec3> {
         (0..mesh.positions.len())
-            .map(|vertex| {
-                let morphed =
-                    self.morphed(&mesh.positions, vertex, |target| &target.positions, mesh);
-                match self.blend(mesh, vertex) {
-                    Some(object_from_mesh) => object_from_mesh.transform_point3(morphed),
-                    None => morphed,
-                }
-            })
+            .map(|vertex| self.position(mesh, vertex))
             .collect()
+    }
+
+    /// Position of one of them.
+    pub fn position(&self, mesh: &Mesh, vertex: usize) -> DVec3 {
+        let morphed = self.morphed(&mesh.positions, vertex, |target| &target.positions, mesh);
+        match self.blend(mesh, vertex) {
+            Some(object_from_mesh) => object_from_mesh.transform_point3(morphed),
+            None => morphed,
+        }
     }
 
     /// Unit normals of the mesh's vertices in the deformed object space.

@@ -176,19 +176,16 @@ pub fn load_environment_within(
 }
 
 #[cfg(test)]
+#[allow(dead_code)]
+#[path = "../../base/tests/shared/folders.rs"]
+mod folders;
+
+#[cfg(test)]
 mod tests {
     use std::io::Cursor;
 
+    use super::folders::Folder;
     use super::*;
-
-    fn write(name: &str, bytes: &[u8]) -> std::path::PathBuf {
-        let path = std::env::temp_dir().join(format!(
-            "stereolux-environment-{}-{name}",
-            std::process::id()
-        ));
-        std::fs::write(&path, bytes).unwrap();
-        path
-    }
 
     /// 2x1 texels, flat RGBE: mantissa / 256 * 2^(exponent - 128).
     fn tiny_hdr() -> Vec<u8> {
@@ -206,7 +203,8 @@ mod tests {
 
     #[test]
     fn reads_radiance_and_applies_strength() {
-        let path = write("ok.hdr", &tiny_hdr());
+        let folder = Folder::new("environment-read");
+        let path = folder.write("ok.hdr", tiny_hdr());
         let (map, warnings) = load_environment(&path, 2.0).unwrap();
         assert!(warnings.is_empty(), "{warnings:?}");
         assert_eq!((map.width, map.height), (2, 1));
@@ -215,7 +213,8 @@ mod tests {
 
     #[test]
     fn reads_exr_and_raises_negative_texels() {
-        let path = write("negative.exr", &exr([[1.5, -0.25, 1e6], [0.0, 0.5, 0.75]]));
+        let folder = Folder::new("environment-negative");
+        let path = folder.write("negative.exr", exr([[1.5, -0.25, 1e6], [0.0, 0.5, 0.75]]));
         let (map, warnings) = load_environment(&path, 1.0).unwrap();
         assert_eq!(map.radiance, [[1.5, 0.0, 1e6], [0.0, 0.5, 0.75]]);
         assert_eq!(warnings.len(), 1);
@@ -224,6 +223,8 @@ mod tests {
 
     #[test]
     fn refuses_what_is_no_environment() {
+        let folder = Folder::new("environment-refused");
+        let write = |name, bytes: &[u8]| folder.write(name, bytes);
         let cases = [
             (write("empty.hdr", b""), "neither"),
             (write("text.hdr", b"hello"), "neither"),

@@ -106,14 +106,12 @@ pub struct PackedLights {
     /// Where each record is and how it shines, and what lights are picked by for a point.
     shapes: Vec<LightShape>,
     tree: LightTree,
-    /// Boxes of meshes that have changed their shape, object space.
-    reshaped: Vec<Option<Bounds>>,
     origin_in_world: DVec3,
     words: Vec<[u32; 4]>,
     /// The box that lights at infinity shine through: as packed, and in use.
     packed_box: SceneBox,
     scene_box: SceneBox,
-    /// Emissive triangles by mesh, and the placements for which their powers stand.
+    /// Emissive triangles by mesh, and where the records of placed ones lie.
     emitters: Vec<Vec<Emitter>>,
     placed: Vec<Option<Placed>>,
     /// Records that no instance uses: first and count.
@@ -251,7 +249,7 @@ impl PackedLights {
     }
 
     /// Makes all records from the scene's lights and `instances`, whose numbers are their places in the list, and weighs
-    /// them. Nothing but the emissive triangles of meshes is kept of what was there.
+    /// them. Nothing but the emissive triangles of meshes, at rest, is kept of what was there.
     fn place_all(&mut self, scene: &Scene, instances: &[Instance], scene_box: SceneBox) {
         *self = Self {
             packed_box: scene_box,
@@ -259,9 +257,12 @@ impl PackedLights {
             kinds: self.kinds,
             environment: self.environment,
             emitters: std::mem::take(&mut self.emitters),
-            reshaped: std::mem::take(&mut self.reshaped),
             ..Self::default()
         };
+        self.emitters
+            .iter_mut()
+            .flatten()
+            .for_each(Emitter::to_rest);
         if self.environment.is_some() {
             let record = scene_box.shone_through(Light {
                 kind: LIGHT_ENVIRONMENT,

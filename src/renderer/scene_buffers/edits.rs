@@ -227,6 +227,9 @@ impl SceneBuffers {
                 self.table
                     .set_first_emitter(InstanceId(slot as u32), *first);
             }
+            if let Some(deformer) = &mut self.deformer {
+                deformer.forget_pose();
+            }
         }
         // First the stored pose: powers are those of a scene that was just read.
         self.set_pose(&scene.rest_pose());

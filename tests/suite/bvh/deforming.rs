@@ -2,6 +2,7 @@
 //! frame, and hierarchies that are built anew.
 
 use std::borrow::Cow;
+use std::f64::consts::PI;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
 use stereolux::bvh::records::{BvhNode, Triangle};
@@ -514,6 +515,51 @@ fn a_deformed_scene_looks_like_one_modelled_so() {
     // Negative control: a fifth of a second later.
     let found = strays(&image(&baked(&scene, &later), None));
     assert!(found > 10 * allowed, "{found} pixels");
+}
+
+/// What glows is picked by the power that it has in the pose.
+#[test]
+fn what_glows_and_deforms_has_the_power_of_its_shape() {
+    let emission = [2.0, 1.0, 0.5];
+    let mut scene = builtin("parade");
+    scene.nodes.iter_mut().for_each(|node| node.light = None);
+    for material in &mut scene.materials {
+        (material.emission, material.emissive_texture) = (emission.map(|c| c as f32), None);
+        material.double_sided = false;
+    }
+    let clip = scene.clip("parade").unwrap().unwrap();
+    let mut renderer = small(&scene);
+    let mut known = Vec::new();
+    for (index, time_s) in [0.4, 1.3].into_iter().enumerate() {
+        let pose = scene.pose_at(clip, time_s);
+        renderer.set_pose(&pose);
+        render(&mut renderer, &scene, DVec3::ZERO, index as u32);
+        let area_m2: f64 = scene
+            .instances()
+            .iter()
+            .map(|placed| {
+                let mesh = &scene.meshes[placed.mesh];
+                let positions = scene.positions_in_world(placed.node, mesh, &pose);
+                let area = |[a, b, c]: [DVec3; 3]| 0.5 * (b - a).cross(c - a).length();
+                let triangles = mesh.triangles.iter();
+                let corners =
+                    triangles.map(|t| t.vertices.map(|vertex| positions[vertex as usize]));
+                corners.map(area).sum::<f64>()
+            })
+            .sum();
+        let said = renderer.scene().total_power_w();
+        for (channel, radiance) in emission.into_iter().enumerate() {
+            // Powers are kept while they differ by 1e-9.
+            let power = PI * area_m2 * radiance;
+            assert!(
+                (said[channel] / power - 1.0).abs() < 1e-8,
+                "{said:?} W, {power}"
+            );
+        }
+        known.push(said[0]);
+    }
+    // Negative control: the poses differ.
+    assert!((known[0] / known[1] - 1.0).abs() > 1e-3, "{known:?}");
 }
 
 /// Adapters that read textures faster read copies of the scene's records: the copies follow what moves, changes its shape

@@ -5,12 +5,11 @@ use std::ops::Range;
 use super::alias::probabilities;
 use super::glow::Glow;
 use super::*;
-use crate::scene::{MorphTarget, as_dvec3};
 
 /// Words of four of a record.
 const WORDS_PER_LIGHT: usize = size_of::<Light>() / size_of::<[u32; 4]>();
-/// Emissive triangles shine with another power where their area changes by more than this share.
-const SAME_AREA: f64 = 1e-9;
+/// A power that changes by no more than this share of the greatest channel has changed by rounding.
+const SAME_POWER: f64 = 1e-9;
 
 /// An emissive triangle of a mesh.
 #[derive(Clone, Copy, Debug)]
@@ -18,9 +17,9 @@ pub(super) struct Emitter {
     triangle: usize,
     /// Index in leaf order.
     leaf: u32,
-    /// First corner, and the edges from it, object space.
-    corner: DVec3,
-    edges: [DVec3; 2],
+    /// Corners as the mesh has them, and as its pose does, object space.
+    at_rest: [DVec3; 3],
+    now: [DVec3; 3],
     mean: [f64; 3],
     boost: f64,
     sides: f64,
@@ -28,12 +27,12 @@ pub(super) struct Emitter {
 
 impl Emitter {
     pub(super) fn new(mesh: &Mesh, glow: Glow, leaf: u32) -> Self {
-        let (corner, edges) = lit_shape(mesh, glow.triangle);
+        let corners = mesh.corners(&mesh.triangles[glow.triangle]);
         Self {
             triangle: glow.triangle,
             leaf,
-            corner,
-            edges,
+            at_rest: corners,
+            now: corners,
             mean: glow.mean,
             boost: glow.boost,
             sides: glow.sides(),
@@ -41,51 +40,24 @@ impl Emitter {
     }
 
     fn power(&self, world_from_object: &DAffine3) -> [f64; 3] {
-        let [first, second] = self.edges.map(|edge| world_from_object.matrix3 * edge);
+        let [a, b, c] = self.now;
+        let [first, second] = [b - a, c - a].map(|edge| world_from_object.matrix3 * edge);
         let area = 0.5 * first.cross(second).length();
         self.mean.map(|mean| PI * area * self.sides * mean)
     }
 
     fn shape(&self, world_from_object: &DAffine3) -> LightShape {
-        let corner = world_from_object.transform_point3(self.corner);
-        let [first, second] = self.edges.map(|edge| world_from_object.matrix3 * edge);
-        let (second, third) = (corner + first, corner + second);
+        let [a, b, c] = self.now.map(|at| world_from_object.transform_point3(at));
         LightShape::near(Bounds {
-            min: corner.min(second).min(third),
-            max: corner.max(second).max(third),
+            min: a.min(b).min(c),
+            max: a.max(b).max(c),
         })
     }
-}
 
-/// Edge of a triangle without area of a mesh that deforms, m.
-const LEAST_EDGE_M: f64 = 0.01;
-
-/// First corner and edges of a triangle as the file has it; of one without area as the morph target has it that gives it most, or
-/// small, since a triangle that grows must have power from the start: it decides how often a light is picked, not how bright it is.
-fn lit_shape(mesh: &Mesh, triangle: usize) -> (DVec3, [DVec3; 2]) {
-    let corners = mesh.corners(&mesh.triangles[triangle]);
-    let doubled_area = |[a, b, c]: &[DVec3; 3]| (*b - *a).cross(*c - *a).length();
-    let morphed = |target: &MorphTarget| {
-        let moved = mesh.triangles[triangle]
-            .vertices
-            .map(|vertex| target.positions.get(vertex as usize))
-            .map(|moved| moved.map_or(DVec3::ZERO, |moved| as_dvec3(*moved)));
-        std::array::from_fn(|corner| corners[corner] + moved[corner])
-    };
-    let targets = mesh.targets.iter().map(morphed);
-    let mut shape = if doubled_area(&corners) > 0.0 {
-        corners
-    } else {
-        targets
-            .max_by(|one, other| doubled_area(one).total_cmp(&doubled_area(other)))
-            .unwrap_or(corners)
-    };
-    let deforms = !mesh.targets.is_empty() || !mesh.joints.is_empty();
-    if deforms && doubled_area(&shape) == 0.0 {
-        shape = [DVec3::ZERO, DVec3::X, DVec3::Y].map(|corner| shape[0] + LEAST_EDGE_M * corner);
+    /// As the mesh has it, whatever pose it was in.
+    pub(super) fn to_rest(&mut self) {
+        self.now = self.at_rest;
     }
-    let [a, b, c] = shape;
-    (a, [b - a, c - a])
 }
 
 /// Where an instance's emissive triangles lie in the records.
@@ -93,8 +65,6 @@ fn lit_shape(mesh: &Mesh, triangle: usize) -> (DVec3, [DVec3; 2]) {
 pub(super) struct Placed {
     mesh: usize,
     first: usize,
-    /// M^T M of the placement that their powers are for: it decides all areas.
-    gram: DMat3,
 }
 
 /// What has changed since it was last taken.
@@ -161,21 +131,11 @@ impl PackedLights {
         self.uploads.tree = true;
     }
 
-    /// A mesh changes its shape; its emissive triangles lie in `bounds` (object space). Instances follow with the next
-    /// [`PackedLights::place_instance`].
-    pub fn reshape_mesh(&mut self, mesh: usize, bounds: Bounds) {
-        if self.emits(mesh) {
-            self.reshaped
-                .resize(self.reshaped.len().max(mesh + 1), None);
-            self.reshaped[mesh] = Some(bounds);
-        }
-    }
-
-    /// Where an emissive triangle is: of a mesh that changes its shape that is known no closer than the mesh.
-    fn emitter_shape(&self, mesh: usize, at: usize, world_from_object: &DAffine3) -> LightShape {
-        match self.reshaped.get(mesh).copied().flatten() {
-            Some(bounds) => LightShape::near(bounds.transformed(world_from_object)),
-            None => self.emitters[mesh][at].shape(world_from_object),
+    /// A mesh changes its shape: `corners` gives those of its triangles by number, object space. Instances follow with the
+    /// next [`PackedLights::place_instance`].
+    pub fn reshape_mesh(&mut self, mesh: usize, corners: impl Fn(usize) -> [DVec3; 3]) {
+        for emitter in self.emitters.get_mut(mesh).into_iter().flatten() {
+            emitter.now = corners(emitter.triangle);
         }
     }
 
@@ -186,23 +146,15 @@ impl PackedLights {
             return;
         };
         for at in 0..self.emitters[placed.mesh].len() {
-            self.shapes[placed.first + at] = self.emitter_shape(placed.mesh, at, world_from_object);
+            let (emitter, record) = (self.emitters[placed.mesh][at], placed.first + at);
+            self.shapes[record] = emitter.shape(world_from_object);
+            let power = emitter.power(world_from_object);
+            if !is_close(power, self.powers[record]) {
+                self.set_power(record, power, emitter.boost);
+                self.uploads.alias = true;
+            }
         }
         self.uploads.tree = true;
-        let gram = gram(world_from_object);
-        if is_close(&gram, &placed.gram) {
-            return;
-        }
-        self.placed[instance as usize] = Some(Placed { gram, ..placed });
-        for at in 0..self.emitters[placed.mesh].len() {
-            let emitter = self.emitters[placed.mesh][at];
-            self.set_power(
-                placed.first + at,
-                emitter.power(world_from_object),
-                emitter.boost,
-            );
-        }
-        self.uploads.alias = true;
     }
 
     /// Adds the emissive triangles of a new instance of `mesh`; returns its first record, or `0xffffffff`.
@@ -259,16 +211,12 @@ impl PackedLights {
                 triangle: emitter.leaf,
                 ..Light::default()
             };
-            self.shapes[first + at] = self.emitter_shape(mesh, at, world);
+            self.shapes[first + at] = emitter.shape(world);
             self.set_power(first + at, emitter.power(world), emitter.boost);
         }
         // Where a hole was filled, too: other lights may have been far from it.
         self.tree = LightTree::default();
-        self.placed[slot] = Some(Placed {
-            mesh,
-            first,
-            gram: gram(world),
-        });
+        self.placed[slot] = Some(Placed { mesh, first });
         first as u32
     }
 
@@ -329,9 +277,6 @@ impl PackedLights {
     pub fn forget_mesh(&mut self, mesh: usize) {
         if let Some(emitters) = self.emitters.get_mut(mesh) {
             *emitters = Vec::new();
-        }
-        if let Some(reshaped) = self.reshaped.get_mut(mesh) {
-            *reshaped = None;
         }
     }
 
@@ -456,11 +401,8 @@ pub(super) fn is_afar(kind: u32) -> bool {
     kind == LIGHT_DIRECTIONAL || kind == LIGHT_ENVIRONMENT
 }
 
-fn gram(world_from_object: &DAffine3) -> DMat3 {
-    world_from_object.matrix3.transpose() * world_from_object.matrix3
-}
-
-fn is_close(a: &DMat3, b: &DMat3) -> bool {
-    let largest = b.to_cols_array().into_iter().map(f64::abs);
-    a.abs_diff_eq(*b, SAME_AREA * largest.fold(0.0, f64::max))
+/// Two powers, W; what is no number is close to none.
+fn is_close(a: [f64; 3], b: [f64; 3]) -> bool {
+    let most = b.into_iter().fold(0.0, f64::max);
+    (0..3).all(|channel| (a[channel] - b[channel]).abs() <= SAME_POWER * most)
 }

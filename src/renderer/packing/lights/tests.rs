@@ -1,8 +1,8 @@
 use super::glow::glow_of;
 use super::*;
 use crate::scene::{
-    AlphaMode, Filter, Image, Material, MeshTriangle, MorphTarget, Node, PunctualLight, Texture,
-    TextureRef, VertexJoints, Wrap,
+    AlphaMode, Filter, Image, Material, MeshTriangle, Node, PunctualLight, Texture, TextureRef,
+    Wrap,
 };
 
 fn node(mesh: Option<usize>, light: Option<usize>, parent_from_node: DAffine3) -> Node {
@@ -114,27 +114,20 @@ fn powers_are_pi_area_radiance_and_twice_that_for_two_sides() {
 }
 
 #[test]
-fn a_lamp_that_grows_out_of_nothing_has_power_from_the_start() {
+fn a_lamp_that_grows_out_of_nothing_has_the_power_of_its_shape() {
     let grown = scene();
     let mut folded = grown.clone();
-    let mesh = &mut folded.meshes[0];
-    let corners = std::mem::replace(&mut mesh.positions, vec![[0.0; 3]; 3]);
-    assert_eq!(packed(&folded).records[1].pick_pdf, 0.0);
-    let mesh = &mut folded.meshes[0];
-    let sideways = MorphTarget::default();
-    let opened = MorphTarget {
-        positions: corners,
-        normals: vec![[0.0; 3]; 3],
-    };
-    mesh.targets = vec![sideways, opened];
-    assert_eq!(packed(&folded).total_power, packed(&grown).total_power);
-    // Nor of what none of its targets opens by itself, or its joints alone do.
-    folded.meshes[0].targets.truncate(1);
-    assert!(packed(&folded).records[1].pick_pdf > 0.0);
-    let mesh = &mut folded.meshes[0];
-    mesh.targets.clear();
-    mesh.joints = vec![VertexJoints::default(); 3];
-    assert!(packed(&folded).records[1].pick_pdf > 0.0);
+    folded.meshes[0].positions = vec![[0.0; 3]; 3];
+    let mut lights = packed(&folded);
+    assert_eq!(lights.records[1].pick_pdf, 0.0);
+    let mesh = &grown.meshes[0];
+    lights.reshape_mesh(0, |triangle| mesh.corners(&mesh.triangles[triangle]));
+    for placed in grown.instances() {
+        lights.place_instance(placed.node as u32 / 2, &placed.world_from_object);
+    }
+    assert!(lights.finish().alias);
+    assert_eq!(lights.total_power, packed(&grown).total_power);
+    assert!(lights.records[1].pick_pdf > 0.0);
 }
 
 #[test]
@@ -479,7 +472,7 @@ fn clusters_lie_where_lights_are_whatever_moves() {
     assert!(has(&lights, origin, lamp, 0.0));
     assert!(has(&lights, origin, DVec3::new(0.5, 0.5, 0.0), half));
     assert!(has(&lights, origin, DVec3::new(1.0, 1.0, 0.0), 2.0 * half));
-    // The head goes, a mesh too; another one's shape is known by a box alone.
+    // The head goes, a mesh too; another one changes its shape.
     let head = DVec3::new(-3.0, 2.0, 8.0);
     lights.set_origin(head);
     lights.place_instance(0, &DAffine3::from_translation(DVec3::new(0.0, 0.0, -9.0)));
@@ -487,13 +480,8 @@ fn clusters_lie_where_lights_are_whatever_moves() {
     assert!(finished.tree && finished.records == (0..lights.origin_dependent));
     assert!(has(&lights, head, lamp, 0.0));
     assert!(has(&lights, head, DVec3::new(0.5, 0.5, -9.0), half));
-    lights.reshape_mesh(
-        0,
-        Bounds {
-            min: DVec3::splat(4.0),
-            max: DVec3::splat(5.0),
-        },
-    );
+    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z];
+    lights.reshape_mesh(0, |_| [DVec3::splat(4.0), 4.0 + x + y, 4.0 + x + z]);
     lights.place_instance(1, &DAffine3::from_scale(DVec3::splat(2.0)));
     lights.finish();
     assert!(has(&lights, head, DVec3::splat(9.0), 3f32.sqrt()));
