@@ -1,7 +1,7 @@
 //! Copies of storage buffers in textures of 16 bytes a texel, for adapters that read textures faster.
 //!
 //! llvmpipe reads storage buffers one word and one thread at a time, each through memory that it has just written
-//! otherwise, which stalls; whole texels it reads at once. docs/results.md has the figures.
+//! otherwise, which stalls; whole texels it reads at once.
 
 use std::ops::Range;
 
