@@ -100,8 +100,18 @@ pub fn merge(options: &MergeOptions) -> Result<(), Failure> {
             )));
         }
     }
+    for (run, folder) in runs.iter().zip(&options.folders) {
+        if let Some(error) = run["error"].as_str() {
+            log::warn!("{} is not whole: {error}", folder.display());
+        }
+    }
     let number = |frame: &Value| frame["frame"].as_u64().unwrap_or_default();
     all.sort_by_key(|(frame, _)| number(frame));
+    match all.first().map(|(frame, _)| number(frame)) {
+        None | Some(0) => {}
+        Some(1) => log::warn!("frame 0 is in none of the folders"),
+        Some(first) => log::warn!("frames 0 to {} are in none of the folders", first - 1),
+    }
     for pair in all.windows(2) {
         let [(first, of_first), (second, of_second)] = pair else {
             continue;

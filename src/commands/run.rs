@@ -54,6 +54,10 @@ pub fn run(options: &RunOptions, app: &mut dyn App) -> Result<(), Failure> {
     if in_headset && !options.names_reuse {
         loaded.settings.render.reuse = Reuse::Lookup;
     }
+    // Motion is that since the frame before.
+    let aovs = loaded.settings.output.aov_list();
+    let least = aovs.is_ok_and(|aovs| aovs.contains(&Aov::Motion));
+    let warm_up = options.session.warm_up.max(u32::from(least));
     render_session(
         source,
         loaded,
@@ -61,11 +65,7 @@ pub fn run(options: &RunOptions, app: &mut dyn App) -> Result<(), Failure> {
         actions,
         &Job {
             eyes: Eyes::Both,
-            range: options
-                .session
-                .range
-                .as_ref()
-                .map(|range| (range, options.session.warm_up)),
+            range: options.session.range.as_ref().map(|range| (range, warm_up)),
             every: options.session.every,
             out: &options.shared.out,
             record: options.session.record.as_deref(),

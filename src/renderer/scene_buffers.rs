@@ -23,7 +23,7 @@ use crate::renderer::packing::{
     pack_environment, pack_lights, pack_textures, pack_vertices,
 };
 use crate::renderer::records::material::Material;
-use crate::scene::{Bounds, Scene, ScenePose};
+use crate::scene::{Scene, ScenePose};
 
 pub(super) use edits::{Edited, SceneChange};
 pub use parts::{PartPreparation, PreparedPart};

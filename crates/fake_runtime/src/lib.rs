@@ -75,7 +75,6 @@ pub const SHOWN_BEFORE: u64 = 5;
 
 const INSTANCE: u64 = 1;
 const SYSTEM: u64 = 2;
-const PERIOD_NS: i64 = 11_111_111;
 /// Pixels per eye.
 const SIZE: u32 = 32;
 
@@ -197,6 +196,15 @@ macro_rules! check {
 /// The one behaviour that is asked for.
 fn asked() -> String {
     std::env::var("FAKE_RUNTIME").unwrap_or_default()
+}
+
+/// Between two frames: of 90 Hz, or of 72 that no extension tells.
+fn period_ns() -> i64 {
+    if asked_for("slow_display") {
+        13_888_889
+    } else {
+        11_111_111
+    }
 }
 
 fn asked_for(what: &str) -> bool {
@@ -923,8 +931,8 @@ unsafe extern "system" fn wait_frame(
     check!(state, session);
     state.session.waited += 1;
     let waited = state.session.waited as i64;
-    (*out).predicted_display_time = xr::Time::from_nanos(1_000_000_000 + waited * PERIOD_NS);
-    (*out).predicted_display_period = xr::Duration::from_nanos(PERIOD_NS);
+    (*out).predicted_display_time = xr::Time::from_nanos(1_000_000_000 + waited * period_ns());
+    (*out).predicted_display_period = xr::Duration::from_nanos(period_ns());
     (*out).should_render = xr::Bool32::from_raw(u32::from(is_seen(&state)));
     R::SUCCESS
 }
@@ -1022,7 +1030,7 @@ unsafe fn is_of_session(layer: *const xr::CompositionLayerBaseHeader, session: &
 unsafe extern "system" fn end_frame(session: xr::Session, info: *const xr::FrameEndInfo) -> R {
     let mut state = state();
     let waited = state.session.waited as i64;
-    if (*info).display_time.as_nanos() != 1_000_000_000 + waited * PERIOD_NS {
+    if (*info).display_time.as_nanos() != 1_000_000_000 + waited * period_ns() {
         return R::ERROR_TIME_INVALID;
     }
     if (*info).layer_count > 0 {

@@ -7,6 +7,8 @@ use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
+use exr::meta::MetaData;
+use exr::meta::header::Header;
 use image::{ImageEncoder as _, ImageFormat};
 
 use crate::exr_file::ExrFile;
@@ -294,12 +296,36 @@ impl<'a> ImageFile<'a> {
         Ok(self.encoded()?.pixels())
     }
 
+    /// A file of several views has the first one's picture in its plain channels, and others would not be looked at.
+    fn check_views(&self) -> Result<(), ImageError> {
+        if self.format != ImageFormat::OpenExr {
+            return Ok(());
+        }
+        // What cannot be read is left to the decoder.
+        let Ok(meta) = MetaData::read_from_buffered(&*self.bytes, false) else {
+            return Ok(());
+        };
+        let views = |header: &Header| {
+            header
+                .own_attributes
+                .multi_view_names
+                .as_ref()
+                .map_or(0, Vec::len)
+        };
+        if meta.headers.iter().map(views).max() > Some(1) {
+            let reason = "it holds several views, of which one would be read; write them with output.layout=files";
+            return Err(undecodable(self.path, reason));
+        }
+        Ok(())
+    }
+
     /// The picture, which `budget` keeps for good.
     ///
     /// # Errors
     /// As [`read_image`].
     pub fn decode(&self, budget: &LoadBudget) -> Result<ImageRgb, ImageError> {
         let encoded = self.encoded()?;
+        self.check_views()?;
         let (width, height) = (encoded.width, encoded.height);
         let what = format_args!("{width}x{height} pixels");
         let over = |error: OverBudget| undecodable(self.path, error.to_string());

@@ -4,7 +4,7 @@
 //! covers settings, views, scene, adapter and code; rows under other keys stay in the file and out of the report.
 
 use std::collections::HashMap;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -23,8 +23,8 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens or starts the journal at `path`. A last line that was cut off is removed; a broken line further up is left
-    /// alone, and its row measured anew.
+    /// Opens or starts the journal at `path`, for this process alone. A last line that was cut off is removed; a broken line
+    /// further up is left alone, and its row measured anew.
     ///
     /// # Errors
     /// [`ReportError::File`].
@@ -48,6 +48,10 @@ impl Journal {
             .truncate(false)
             .open(path)
             .map_err(fail)?;
+        if cfg!(unix) && matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+            let reason = "another suite writes to it; give --out another folder";
+            return Err(ReportError::file(path, reason));
+        }
         let mut bytes = Vec::new();
         (&mut file)
             .take(MAX_BYTES)
@@ -163,6 +167,11 @@ mod tests {
         assert_eq!(journal.all(&keys(&["a", "c"])), None);
         // What is appended now stands on a line of its own.
         journal.append(&[Row::imagined("c")]).unwrap();
+        if cfg!(unix) {
+            let taken = Journal::open(&path).unwrap_err().to_string();
+            assert!(taken.contains("another suite writes to it"), "{taken}");
+        }
+        drop(journal);
         let journal = Journal::open(&path).unwrap();
         assert_eq!(journal.all(&keys(&["a", "b", "c"])).unwrap().len(), 3);
     }

@@ -211,12 +211,15 @@ impl NodeTracks {
 }
 
 impl Animation {
-    /// A time within the clip: it begins anew after its last key, and runs backwards before its first.
+    /// A time within the clip: it begins anew after its last key, and runs backwards before its first. Files have the times of
+    /// keys in f32, so the last one is shown where a time rounds to it.
     pub fn looped(&self, time_s: f64) -> f64 {
-        if self.length_s > 0.0 {
-            time_s.rem_euclid(self.length_s)
-        } else {
+        if self.length_s <= 0.0 {
             0.0
+        } else if time_s as f32 == self.length_s as f32 {
+            self.length_s
+        } else {
+            time_s.rem_euclid(self.length_s)
         }
     }
 }

@@ -91,8 +91,12 @@ pub fn load_environment_within(
     if let Some(name) = path.to_str().and_then(|path| path.strip_prefix(PREFIX)) {
         return Ok((surroundings::environment(name, strength)?, Vec::new()));
     }
-    let bytes =
+    let mut bytes =
         files::load_regular(path, budget).map_err(|reason| SceneError::read(path, reason))?;
+    // The decoder knows the format's own name alone.
+    if let Some(rest) = bytes.strip_prefix(b"#?RGBE\n") {
+        bytes = [b"#?RADIANCE\n", rest].concat();
+    }
     let format = if bytes.starts_with(b"#?") {
         ImageFormat::Hdr
     } else if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
@@ -209,6 +213,10 @@ mod tests {
         assert!(warnings.is_empty(), "{warnings:?}");
         assert_eq!((map.width, map.height), (2, 1));
         assert_eq!(map.radiance, [[2.0, 1.0, 0.5], [8.0, 8.0, 8.0]]);
+        let other = String::from_utf8_lossy(&tiny_hdr()[..10]).replace("RADIANCE", "RGBE");
+        let path = folder.write("rgbe.hdr", [other.as_bytes(), &tiny_hdr()[10..]].concat());
+        let other = load_environment(&path, 2.0).unwrap().0;
+        assert_eq!(other.radiance, map.radiance);
     }
 
     #[test]

@@ -25,6 +25,7 @@ mod material;
 mod mesh;
 pub mod mesh_statistics;
 pub mod needs;
+mod panes;
 mod part;
 mod player;
 mod pose;

@@ -70,8 +70,10 @@ pub struct Material {
     pub transmission: f32,
     /// Linear texture, share in red.
     pub transmission_texture: Option<TextureRef>,
-    /// KHR_materials_volume thickness factor. Real geometry bounds the medium here, so it is kept for reports only.
+    /// KHR_materials_volume thickness factor. Real geometry bounds the medium here; 0 lets open surfaces be thin walls.
     pub thickness: f32,
+    /// Most of its surfaces are open: without a thickness its glass is a thin wall ([`Material::is_thin_wall`]).
+    pub is_open: bool,
     /// Distance in metres at which white light has become `attenuation_color`; infinity means no absorption.
     pub attenuation_distance_m: f32,
     /// What is left of white light after `attenuation_distance_m`, each 0 to 1.
@@ -106,6 +108,7 @@ impl Default for Material {
             transmission: 0.0,
             transmission_texture: None,
             thickness: 0.0,
+            is_open: false,
             attenuation_distance_m: f32::INFINITY,
             attenuation_color: [1.0; 3],
             alpha_mode: AlphaMode::Opaque,
@@ -149,6 +152,16 @@ impl Material {
     /// Whether any part of the light passes through the surface as through glass.
     pub fn is_dielectric(&self) -> bool {
         self.transmission > 0.0 && self.can_be_non_metal()
+    }
+
+    /// Whether its glass has no thickness, as far as the file says.
+    pub(super) fn may_be_thin(&self) -> bool {
+        self.is_dielectric() && self.thickness == 0.0
+    }
+
+    /// Whether what passes through it passes both faces of a thin wall at once: it is not bent, and enters no body.
+    pub fn is_thin_wall(&self) -> bool {
+        self.may_be_thin() && self.is_open
     }
 
     /// Whether any part of the surface scatters light diffusely: neither all metal nor all glass.

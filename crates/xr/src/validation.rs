@@ -123,11 +123,15 @@ pub fn check_fov(fov: &Fov) -> Result<(), Fault> {
     order(edges[3], edges[2])
 }
 
+/// Farthest that anything may be from the origin along an axis, metres.
+pub const MAX_COORDINATE_M: f64 = 1e9;
+
 pub(super) fn check_position(position: DVec3) -> Result<(), Fault> {
-    if position.is_finite() {
+    // A NaN fails.
+    if position.abs().max_element() <= MAX_COORDINATE_M {
         return Ok(());
     }
-    let shown = format!("{position} is not finite");
+    let shown = format!("{position} is not within {MAX_COORDINATE_M:e} m of the origin");
     Err(Fault::new("position", shown))
 }
 

@@ -1,8 +1,8 @@
 //! Materials, with references into the packed textures.
 
 use crate::renderer::records::material::{
-    MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED, Material, TEXTURE_UV1_BIT,
-    TextureSlot,
+    MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED, MATERIAL_THIN_WALL, Material,
+    TEXTURE_UV1_BIT, TextureSlot,
 };
 use crate::scene::{self, AlphaMode, Scene, TextureRef};
 
@@ -26,6 +26,9 @@ fn pack_material(material: &scene::Material, textures: &PackedTextures) -> Mater
     let mut flags = 0;
     if material.double_sided {
         flags |= MATERIAL_DOUBLE_SIDED;
+    }
+    if material.is_thin_wall() {
+        flags |= MATERIAL_THIN_WALL;
     }
     let mut alpha_cutoff = 0.0;
     match material.alpha_mode {
@@ -84,7 +87,7 @@ fn pack_material(material: &scene::Material, textures: &PackedTextures) -> Mater
 /// KHR_materials_volume: the colour is what is left after the attenuation distance.
 fn attenuation_per_m(material: &scene::Material) -> [f32; 3] {
     let distance = material.attenuation_distance_m;
-    if !(distance > 0.0 && distance.is_finite()) {
+    if material.is_thin_wall() || !(distance > 0.0 && distance.is_finite()) {
         return [0.0; 3];
     }
     material.attenuation_color.map(|color| {

@@ -8,6 +8,8 @@ pub const MATERIAL_DOUBLE_SIDED: u32 = 1;
 pub const MATERIAL_ALPHA_MASK: u32 = 2;
 /// [`Material::flags`]: alpha is the chance to meet the surface.
 pub const MATERIAL_ALPHA_BLEND: u32 = 4;
+/// `Material::flags`: glass is a thin wall.
+pub const MATERIAL_THIN_WALL: u32 = 8;
 
 /// [`TextureSlot::info`]: no texture.
 pub const NO_TEXTURE: u32 = u32::MAX;

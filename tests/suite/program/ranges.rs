@@ -58,6 +58,27 @@ fn two_halves_are_the_whole_run_bit_for_bit() {
         }
         let [one, joined] = [one, joined].map(|run| run["medians"]["reuse_fraction"].clone());
         assert_eq!(one, joined);
+        // What is missing is named.
+        let part = merge(&second, &second, &folder.join("twice"));
+        assert_eq!(part.status.code(), Some(2));
+        let mut broken_off = json(&second.join("run.json"));
+        broken_off["error"] = "interrupted".into();
+        let cut = folder.join("cut");
+        std::fs::create_dir_all(&cut).unwrap();
+        std::fs::write(cut.join("run.json"), broken_off.to_string()).unwrap();
+        let lines = std::fs::read_to_string(second.join("stats.jsonl")).unwrap();
+        let (kept, moved) = lines.split_at(lines.find('\n').unwrap() + 1);
+        std::fs::write(cut.join("stats.jsonl"), moved).unwrap();
+        let lone = folder.join("lone");
+        std::fs::create_dir_all(&lone).unwrap();
+        std::fs::copy(second.join("run.json"), lone.join("run.json")).unwrap();
+        std::fs::write(lone.join("stats.jsonl"), kept).unwrap();
+        let output = merge(&lone, &cut, &folder.join("rest"));
+        assert_success(&output);
+        assert_says(
+            &stderr(&output),
+            &["cut is not whole: interrupted", "frames 0 to 2 are in none"],
+        );
         let again = |a: &Path, b: &Path, says: &str| {
             let out = folder.join("no");
             let output = merge(a, b, &out);
@@ -85,6 +106,18 @@ fn two_halves_are_the_whole_run_bit_for_bit() {
         run(&second, scene, &["--range", "3..6", &hands]);
         again(&first, &second, "settings.simulated");
     }
+}
+
+#[test]
+fn motion_of_the_first_frame_is_that_since_the_frame_before() {
+    let folder = Folder::new("range-motion");
+    let [whole, part] = ["whole", "part"].map(|name| folder.join(name));
+    let motion = "--set=output.aovs=motion";
+    run(&whole, "builtin:cornell", &[motion]);
+    run(&part, "builtin:cornell", &[motion, "--range", "4..6"]);
+    let read = |folder: &Path| std::fs::read(folder.join("frame_0004_left.exr")).unwrap();
+    assert!(read(&whole) == read(&part));
+    assert!(!part.join("frame_0003_left.exr").exists());
 }
 
 #[test]

@@ -8,6 +8,7 @@ use stereolux::scene::Material;
 use super::bsdf_probe::{
     BACK, BsdfAnswer, BsdfProbe, BsdfQuery, DELTA, NONE, PHOTONS, TRANSMITTED, at_angle, wide,
 };
+use super::bsdf_sampling::pane;
 use super::bsdf_twin::{Twin, direction, fresnel};
 use super::chi_square::integrate;
 use super::lights_sampling::mean_and_error;
@@ -79,6 +80,10 @@ fn lossless_surfaces_return_everything() {
     furnace(dielectric, &glasses, PHOTONS, check("smooth glass"));
     let inside = check("smooth glass from inside");
     furnace(dielectric, &glasses[..1], PHOTONS | BACK, inside);
+    for side in [0, BACK] {
+        let panes = glasses.clone().map(pane);
+        furnace(dielectric, &panes, side, check("smooth pane"));
+    }
 }
 
 #[test]
@@ -114,6 +119,12 @@ fn no_single_lobe_returns_more_than_arrives() {
                 assert!(mean <= 1.0 + 3.0 * error + 1e-5, "{what}: {mean}");
             },
         );
+        let panes: Vec<Material> = glasses.iter().cloned().map(pane).collect();
+        furnace(&["dielectric"], &panes, side, |index, degrees, samples| {
+            let (mean, error) = energy(samples);
+            let what = format!("pane, roughness {}, {degrees} degrees", ROUGHNESS[index]);
+            assert!(mean <= 1.0 + 3.0 * error + 1e-5, "{what}: {mean}");
+        });
     }
 }
 

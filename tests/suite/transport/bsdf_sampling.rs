@@ -39,6 +39,14 @@ pub fn glass(roughness: f32) -> Material {
     }
 }
 
+/// The same glass as a thin wall.
+pub fn pane(glass: Material) -> Material {
+    Material {
+        is_open: true,
+        ..glass
+    }
+}
+
 fn coordinates(wi: DVec3) -> (f64, f64) {
     (wi.z.clamp(-1.0, 1.0), wi.y.atan2(wi.x))
 }
@@ -96,6 +104,7 @@ fn cases() -> Vec<(&'static str, Material, u32)> {
         cases.push(("coat", coated(roughness), 0));
         cases.push(("glass from outside", glass(roughness), 0));
         cases.push(("glass from inside", glass(roughness), BACK));
+        cases.push(("pane", pane(glass(roughness)), BACK));
     }
     cases
 }

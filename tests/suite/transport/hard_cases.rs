@@ -325,6 +325,42 @@ fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
     }
 }
 
+/// A white pane before uniform surroundings is as bright as they are, from both sides: what it does not mirror passes it.
+#[test]
+fn panes_keep_light() {
+    let glass = Material {
+        metallic: 0.0,
+        transmission: 1.0,
+        roughness: 0.0,
+        ..Material::default()
+    };
+    let square = square_ahead(0.8, 1.0);
+    let back: Vec<Triangle> = square.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+    let views = eyes_at_origin(15.0);
+    for method in [Method::Photon, Method::Path] {
+        let settings = settings_of(method, Technique::Mis, 4, 1);
+        for shape in [&square, &back] {
+            let off = |is_open: bool| {
+                let glass = Material {
+                    is_open,
+                    ..glass.clone()
+                };
+                let mut scene = Scene::default();
+                add(&mut scene, shape, glass);
+                scene.environment = Some(map_of([4, 2], |_, _| [0.5; 3]));
+                worst(
+                    &images(&scene, &settings, [16, 16], &views)[0],
+                    &[[0.5; 3]; 256],
+                )
+            };
+            // A few products of rounded numbers.
+            assert!(off(true) < 1e-6, "{method:?}: {:e}", off(true));
+            // Negative control: a body that has no other face.
+            assert!(off(false) > 0.1);
+        }
+    }
+}
+
 /// Irradiance of a sun at normal incidence.
 const SUN: f64 = 3.0;
 

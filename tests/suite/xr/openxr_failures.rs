@@ -424,6 +424,18 @@ fn answers_that_make_no_sense_are_refused_or_passed_over() {
     }
 }
 
+/// Applications see the period that a replay of the recording has.
+#[test]
+fn a_rate_that_frames_alone_tell_is_recorded() {
+    let folder = Folder::new("openxr-slow-display");
+    let (output, trace) = run_small(&folder, "slow_display", &[], 3);
+    assert_status(&output, 0);
+    let trace = Trace::read(&trace).unwrap();
+    assert_eq!(trace.header.refresh_hz, 90.0);
+    let rates: Vec<_> = trace.frames.iter().map(|frame| frame.refresh_hz).collect();
+    assert_eq!(rates, [Some(1e9 / 13_888_889.0), None, None]);
+}
+
 /// A pose that is no number is repeated once, also under way: the walk does not go on from nowhere.
 #[test]
 fn who_is_lost_on_the_way_is_found_again() {

@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 use glam::DAffine3;
 
 use super::super::import::{NOT_FINITE, transform_fault};
+use super::super::panes;
 use super::super::{LightKind, Material, Node, PunctualLight, Scene, Trs};
 use super::{Edit, EditError, NewContent, NewNode, Placement, Tail};
 
@@ -31,7 +32,12 @@ impl Edit {
             Self::Material { material, to } => {
                 check_material(scene, &to)?;
                 let slot = entry(&mut scene.materials, "material", material)?;
+                let may_be_thin = to.may_be_thin() && !slot.may_be_thin();
                 let before = std::mem::replace(slot, *to);
+                if may_be_thin {
+                    let open = panes::open_materials(&scene.materials, &scene.meshes);
+                    scene.materials[material].is_open = open[material];
+                }
                 Ok(Self::Material {
                     material,
                     to: Box::new(before),

@@ -46,11 +46,17 @@ pub fn split<'a>(path: &Path, bytes: &'a [u8], notes: &mut Notes) -> Result<Part
             "not a binary glTF file: it does not begin with 'glTF'",
         ));
     }
-    // A UTF-8 byte order mark is not allowed by glTF but harmless.
     Ok(Parts {
-        json: bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes),
+        json: bare(bytes),
         blob: None,
     })
+}
+
+/// JSON without a UTF-8 byte order mark before it and zeros behind it: glTF allows neither, files have them, and they are harmless.
+fn bare(json: &[u8]) -> &[u8] {
+    let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
+    let length = json.iter().rposition(|byte| *byte != 0);
+    &json[..length.map_or(0, |last| last + 1)]
 }
 
 fn split_glb<'a>(path: &Path, bytes: &'a [u8], notes: &mut Notes) -> Result<Parts<'a>, SceneError> {
@@ -108,7 +114,7 @@ fn split_glb<'a>(path: &Path, bytes: &'a [u8], notes: &mut Notes) -> Result<Part
                 )
             })?;
         match (kind, json.is_some()) {
-            (CHUNK_JSON, false) => json = Some(chunk),
+            (CHUNK_JSON, false) => json = Some(bare(chunk)),
             (_, false) => {
                 return Err(SceneError::invalid(
                     path,
@@ -129,11 +135,15 @@ pub fn decode_data_uri(uri: &str) -> Result<Vec<u8>, String> {
     let Some((head, payload)) = uri.split_once(',') else {
         return Err("the data URI has no comma".to_owned());
     };
-    if head.ends_with(";base64") {
-        decode_base64(payload)
-    } else {
-        percent_decode(payload)
+    if !head.ends_with(";base64") {
+        return percent_decode(payload);
     }
+    // As a part of a URI it may be percent-encoded on top (RFC 2397).
+    if payload.contains('%') {
+        let decoded = percent_decode(payload)?;
+        return decode_base64(&String::from_utf8_lossy(&decoded));
+    }
+    decode_base64(payload)
 }
 
 /// Base64 (RFC 4648, section 4), padding optional. White space is skipped, and not counted in messages.
@@ -203,6 +213,8 @@ mod tests {
         for broken in ["Z", "Zm9v!", "Zg==Zg=="] {
             assert!(decode_base64(broken).is_err(), "{broken}");
         }
+        assert_eq!(decode_data_uri("data:;base64,Zg%3D%3D").unwrap(), b"f");
+        assert!(decode_data_uri("data:;base64,Zg%3").is_err());
     }
 
     #[test]

@@ -311,6 +311,9 @@ fn parsed_bytes(text: &[u8]) -> u64 {
 /// JSON in which no object has a key twice: readers differ in which of the two they take.
 struct Unique(Value);
 
+/// Whole numbers below 2^53 are their own as f64.
+const MOST_EXACT: f64 = 9_007_199_254_740_992.0;
+
 impl<'de> Deserialize<'de> for Unique {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_any(UniqueVisitor).map(Self)
@@ -339,7 +342,12 @@ impl<'de> Visitor<'de> for UniqueVisitor {
     }
 
     fn visit_f64<E>(self, value: f64) -> Result<Value, E> {
-        Ok(value.into())
+        // Integers may have a fraction of 0 or an exponent (glTF 2.0, section 2.7).
+        let whole = value as i64;
+        let is_whole = value.abs() < MOST_EXACT
+            && whole as f64 == value
+            && (whole != 0 || value.is_sign_positive());
+        Ok(if is_whole { whole.into() } else { value.into() })
     }
 
     fn visit_str<E>(self, value: &str) -> Result<Value, E> {

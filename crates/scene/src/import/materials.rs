@@ -8,8 +8,9 @@ use gltf::json::validation::Checked;
 use serde::Deserialize as _;
 use serde_json::Value;
 
-use super::super::SceneError;
 use super::super::material::{AlphaMode, Filter, Material, Texture, TextureRef, Wrap};
+use super::super::mesh::Mesh;
+use super::super::{SceneError, panes};
 use super::Notes;
 use super::document::Document;
 
@@ -46,6 +47,21 @@ impl Library {
             library.materials.push(material);
         }
         Ok(library)
+    }
+
+    /// Says of glass without a thickness whether it is a thin wall, as by the standard, or solid.
+    pub fn find_panes(&mut self, meshes: &[Mesh], notes: &mut Notes) {
+        let open = panes::open_materials(&self.materials, meshes);
+        for ((index, material), is_open) in self.materials.iter_mut().enumerate().zip(open) {
+            material.is_open = is_open;
+            if material.may_be_thin() && !is_open {
+                notes.warn(format_args!(
+                    "materials[{index}] '{}': transmission without a thickness (KHR_materials_volume) is a thin wall by the \
+                     standard; its surfaces are closed, so here it is solid glass",
+                    material.name
+                ));
+            }
+        }
     }
 
     /// Index of glTF's default material, appended when it is first needed.
@@ -108,7 +124,6 @@ impl MaterialImport<'_, '_> {
         let pbr = &source.pbr_metallic_roughness;
         // What is absent has the extensions' defaults.
         let extensions = source.extensions.clone().unwrap_or_default();
-        let has_volume = extensions.volume.is_some();
         let specular = extensions.specular.unwrap_or_default();
         let transmission = extensions.transmission.unwrap_or_default();
         let volume = extensions.volume.unwrap_or_default();
@@ -117,14 +132,6 @@ impl MaterialImport<'_, '_> {
         if extensions.unlit.is_some() {
             self.notes.warn(format_args!(
                 "{}: unlit, shaded as a lit surface",
-                self.place
-            ));
-        }
-
-        if transmission.transmission_factor.0 > 0.0 && !has_volume {
-            self.notes.warn(format_args!(
-                "{}: transmission without KHR_materials_volume is a thin wall by the standard; here it is solid glass, which \
-                 closed surfaces bound",
                 self.place
             ));
         }
@@ -202,6 +209,8 @@ impl MaterialImport<'_, '_> {
                 transmission.transmission_texture.as_ref(),
             ),
             thickness: self.at_least("thicknessFactor", volume.thickness_factor.0, 0.0)?,
+            // Known once there are meshes.
+            is_open: false,
             attenuation_distance_m,
             attenuation_color: self.unit("attenuationColor", volume.attenuation_color.0)?,
             alpha_mode: match source.alpha_mode {

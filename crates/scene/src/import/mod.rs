@@ -101,6 +101,7 @@ pub(super) fn from_bytes(
     };
     let mut library = materials::Library::import(&document, &mut notes)?;
     let meshes = geometry::import_meshes(&reader, &mut library, &mut notes)?;
+    library.find_panes(&meshes, &mut notes);
     let images = resources::load_images(&reader, &places, &library.image_sources, &mut notes)?;
     let mut graph = nodes::import(&document, &meshes, &mut notes)?;
     let skins = motion::import_skins(&document, &reader, &mut graph.nodes, &meshes, &mut notes)?;

@@ -2,8 +2,10 @@
 //!
 //! The tangent of a vertex is the mean of dP/du over its triangles, each projected into the vertex's tangent plane,
 //! brought to unit length and weighted by the corner's angle; the handedness says whether the texture is mirrored. This
-//! is the rule of MikkTSpace (Mikkelsen, *Simulation of Wrinkled Surfaces Revisited*, 2008, section 3) without its
-//! regrouping of vertices by smoothing: vertices shared by mirrored and unmirrored triangles are split, others are not.
+//! is the rule of MikkTSpace (Mikkelsen, *Simulation of Wrinkled Surfaces Revisited*, 2008, section 3): vertices of one
+//! position, normal and texture coordinate are one, however the file splits them, but for mirrored and unmirrored triangles.
+
+use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
 
@@ -44,8 +46,32 @@ pub fn derive(
     uv: &[[f32; 2]],
     triangles: &[[u32; 3]],
 ) -> Vec<[f32; 4]> {
-    let mut sums = vec![DVec3::ZERO; positions.len()];
     let mut handedness = vec![1.0_f32; positions.len()];
+    for triangle in triangles {
+        let is_mirrored = is_mirrored(triangle.map(|vertex| uv[vertex as usize]));
+        for vertex in triangle {
+            handedness[*vertex as usize] = if is_mirrored { -1.0 } else { 1.0 };
+        }
+    }
+    let mut first_of = HashMap::new();
+    let first: Vec<usize> = (0..positions.len())
+        .map(|vertex| {
+            let bits = |values: &[f32]| {
+                values.iter().fold([0; 3], |bits, x| {
+                    let [_, a, b] = bits;
+                    [a, b, (x + 0.0).to_bits()]
+                })
+            };
+            let key = (
+                bits(&positions[vertex]),
+                bits(&normals[vertex]),
+                bits(&uv[vertex]),
+                handedness[vertex] < 0.0,
+            );
+            *first_of.entry(key).or_insert(vertex)
+        })
+        .collect();
+    let mut sums = vec![DVec3::ZERO; positions.len()];
     for triangle in triangles {
         let corners = triangle.map(|vertex| as_dvec3(positions[vertex as usize]));
         let charts = triangle.map(|vertex| uv[vertex as usize]);
@@ -67,16 +93,18 @@ pub fn derive(
                 corners[(corner + 2) % 3] - corners[corner],
             );
             let angle = next.cross(previous).length().atan2(next.dot(previous));
-            sums[vertex] += projected * angle;
-            handedness[vertex] = if is_mirrored(charts) { -1.0 } else { 1.0 };
+            sums[first[vertex]] += projected * angle;
         }
     }
-    sums.iter()
+    first
+        .iter()
         .zip(normals)
         .zip(handedness)
-        .map(|((sum, normal), handedness)| match sum.try_normalize() {
-            Some(tangent) => tangent.as_vec3().extend(handedness).to_array(),
-            None => any_tangent(*normal),
-        })
+        .map(
+            |((first, normal), handedness)| match sums[*first].try_normalize() {
+                Some(tangent) => tangent.as_vec3().extend(handedness).to_array(),
+                None => any_tangent(*normal),
+            },
+        )
         .collect()
 }

@@ -3,7 +3,7 @@
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use serde_json::{Value, json};
 use stereolux_scene::edit::Edit;
-use stereolux_scene::{AlphaMode, Filter, LightKind, Needs, Scene, Wrap};
+use stereolux_scene::{AlphaMode, Filter, LightKind, Material, Needs, Scene, Wrap};
 
 use crate::folders::Folder;
 
@@ -77,14 +77,18 @@ impl Doc {
     }
 
     pub fn load(&self) -> Result<Scene, String> {
+        Scene::from_bytes("test.gltf", self.text().as_bytes()).map_err(|error| error.to_string())
+    }
+
+    /// The file, its buffer in it.
+    fn text(&self) -> String {
         let mut json = self.json.clone();
         if json.get("buffers").is_none() {
             let data = BASE64_STANDARD.encode(&self.bin);
             let uri = format!("data:application/octet-stream;base64,{data}");
             json["buffers"] = json!([{ "byteLength": self.bin.len(), "uri": uri }]);
         }
-        Scene::from_bytes("test.gltf", json.to_string().as_bytes())
-            .map_err(|error| error.to_string())
+        json.to_string()
     }
 }
 
@@ -117,6 +121,105 @@ pub fn assert_fault(result: Result<Scene, String>, expected: &str) {
             assert!(!message.contains('\n'), "more than one line: {message}");
         }
     }
+}
+
+#[test]
+fn open_glass_without_a_thickness_is_a_thin_wall() {
+    let glass = |volume: Value| {
+        with(|doc| {
+            let mut extensions =
+                json!({ "KHR_materials_transmission": { "transmissionFactor": 1 } });
+            if !volume.is_null() {
+                extensions["KHR_materials_volume"] = volume;
+            }
+            doc.json["materials"] = json!([{ "pbrMetallicRoughness": { "metallicFactor": 0 }, "extensions": extensions }]);
+            doc.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+        })
+    };
+    for volume in [Value::Null, json!({ "attenuationDistance": 2 })] {
+        let mut scene = glass(volume).load().unwrap();
+        assert!(scene.materials[0].is_thin_wall() && scene.warnings.is_empty());
+        // An edit that makes another material glass looks, too.
+        let pane = scene.materials[0].clone();
+        scene.materials[0] = Material::lambert("wall", [0.5; 3]);
+        let to = Box::new(Material {
+            is_open: false,
+            ..pane
+        });
+        let undo = Edit::Material { material: 0, to }
+            .apply(&mut scene)
+            .unwrap();
+        assert!(scene.materials[0].is_thin_wall());
+        undo.apply(&mut scene).unwrap();
+        assert_eq!(scene.materials[0], Material::lambert("wall", [0.5; 3]));
+    }
+    let thick = glass(json!({ "thicknessFactor": 0.1 })).load().unwrap();
+    assert!(!thick.materials[0].is_thin_wall());
+}
+
+/// Byte order marks before JSON and zeros behind it, and whole numbers with a fraction or an exponent.
+#[test]
+fn harmless_oddities_of_json_are_read() {
+    let text = Doc::square().text();
+    for odd in [format!("\u{feff}{text}"), format!("{text}\0\0")] {
+        let scene = Scene::from_bytes("odd.gltf", odd.as_bytes()).unwrap();
+        assert_eq!(scene.triangle_count(), 2);
+    }
+    let mut doc = Doc::square();
+    doc.json["scene"] = json!(0.0);
+    assert!(doc.text().contains(r#""scene":0.0"#));
+    assert_eq!(doc.load().unwrap().triangle_count(), 2);
+    doc.json["scene"] = json!(0.5);
+    assert!(doc.load().is_err());
+}
+
+/// A mesh whose vertices are split has the tangents of one whose vertices are shared.
+#[test]
+fn tangents_do_not_depend_on_how_vertices_are_split() {
+    // A square bent along its diagonal: both triangles share two corners with one normal.
+    let bent = |split: bool| {
+        let corners = [[0., 0., 0.], [1., 0., 0.3], [1., 1., 0.], [0., 1., 0.3]];
+        let uv = [[0., 1.], [1., 1.], [1., 0.2], [0., 0.]];
+        let order: &[usize] = if split {
+            &[0, 1, 2, 0, 2, 3]
+        } else {
+            &[0, 1, 2, 3]
+        };
+        let mut doc = with_normal_texture(uv);
+        let of = |values: &[f32], size: usize| -> Vec<f32> {
+            order
+                .iter()
+                .flat_map(|at| values[size * at..size * (at + 1)].to_vec())
+                .collect()
+        };
+        let accessors = [
+            doc.floats(&of(corners.as_flattened(), 3), "VEC3"),
+            doc.floats(&of(&[0., 0., 1.].repeat(4), 3), "VEC3"),
+            doc.floats(&of(uv.as_flattened(), 2), "VEC2"),
+        ];
+        let primitive = &mut doc.json["meshes"][0]["primitives"][0];
+        for (name, accessor) in ["POSITION", "NORMAL", "TEXCOORD_0"]
+            .into_iter()
+            .zip(accessors)
+        {
+            primitive["attributes"][name] = json!(accessor);
+        }
+        if split {
+            primitive.as_object_mut().unwrap().remove("indices");
+        }
+        let scene = doc.load().unwrap();
+        let mesh = scene.meshes[0].clone();
+        let corners = mesh.triangles.iter().flat_map(|triangle| triangle.vertices);
+        let tangents: Vec<_> = corners
+            .map(|vertex| mesh.tangents[vertex as usize])
+            .collect();
+        (mesh.positions.len(), tangents)
+    };
+    let ((shared, expected), (split, found)) = (bent(false), bent(true));
+    assert_eq!((shared, split), (4, 6));
+    assert_eq!(found, expected);
+    // Negative control: the triangles' own tangents differ.
+    assert_ne!(found[1], found[5]);
 }
 
 /// Files of UniGLTF list the child of a node that no scene shows.

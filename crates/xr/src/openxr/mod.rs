@@ -37,7 +37,7 @@ use self::lifecycle::Step;
 use self::live::{Live, UnderWay};
 use self::locomotion::Locomotion;
 use self::runtime::{STEREO, is_gone};
-use super::frame_clock::FrameOrder;
+use super::frame_clock::{FrameOrder, period_ns};
 use super::hidden_area::HiddenArea;
 use super::view::{Fov, Pose, View};
 use super::{
@@ -52,6 +52,8 @@ use stereolux_settings::{OpenXrSettings, Space};
 const EYE_HEIGHT_M: f64 = 1.6;
 /// Refresh rate that is written down if the runtime does not tell its own, hertz.
 const UNKNOWN_REFRESH_HZ: f64 = 90.0;
+/// Share by which periods of one rate may differ: runtimes round, and measure.
+const SAME_RATE: f64 = 0.02;
 /// How long the runtime may take to end a session.
 const LONGEST_GOODBYE: Duration = Duration::from_secs(3);
 /// Pause between two looks at the events of a session that shows nothing.
@@ -344,18 +346,33 @@ impl OpenXrSession {
             Ok(input) => input,
             Err(error) => return self.fail("xrSyncActions", error).map(|()| None),
         };
-        let period_ns = state.predicted_display_period.as_nanos().max(1);
+        let predicted_ns = state.predicted_display_period.as_nanos().max(1);
+        if !self.runtime.used.fb_display_refresh_rate {
+            self.follow_period(predicted_ns);
+        }
         let last_ns = self.clock.last_ns();
-        let time_ns = self.clock.next_ns(state.predicted_display_time, period_ns);
+        let time_ns = self
+            .clock
+            .next_ns(state.predicted_display_time, predicted_ns);
         let seconds = last_ns.map_or(0.0, |last| time_ns.saturating_sub(last) as f64 * 1e-9);
         self.follow_controls(&input, seconds);
         Ok(Some(FrameState {
             predicted_display_time_ns: time_ns,
-            period_ns,
+            // Of the rate, which recordings hold.
+            period_ns: period_ns(self.info.refresh_hz),
             should_render: state.should_render,
             switch_reuse: input.switch_reuse,
             quality: QualityFrom::Application,
         }))
+    }
+
+    /// A runtime that tells no refresh rate tells it by its frames.
+    fn follow_period(&mut self, period_ns: i64) {
+        let rate_hz = 1e9 / period_ns as f64;
+        let is_other = (rate_hz / self.info.refresh_hz - 1.0).abs() > SAME_RATE;
+        if is_other && super::headset::REFRESH_RANGE_HZ.contains(&rate_hz) {
+            self.info.refresh_hz = rate_hz;
+        }
     }
 
     /// Moves, turns, and notes what else the wearer wants, `seconds` after the frame before.
