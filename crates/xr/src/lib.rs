@@ -187,53 +187,6 @@ pub struct Pulse {
     pub amplitude: f64,
 }
 
-/// So that a session can be chosen while a program runs.
-impl<S: XrSession + ?Sized> XrSession for Box<S> {
-    fn info(&self) -> &SessionInfo {
-        (**self).info()
-    }
-
-    fn wait_frame(&mut self) -> Result<Option<FrameState>, XrError> {
-        (**self).wait_frame()
-    }
-
-    fn begin_frame(&mut self) -> Result<(), XrError> {
-        (**self).begin_frame()
-    }
-
-    fn locate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
-        (**self).locate_views(display_time_ns)
-    }
-
-    fn relocate_views(&mut self, display_time_ns: i64) -> Result<Option<LocatedViews>, XrError> {
-        (**self).relocate_views(display_time_ns)
-    }
-
-    fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
-        (**self).locate_input(display_time_ns)
-    }
-
-    fn controller_model(&mut self) -> Result<Option<ControllerModel>, XrError> {
-        (**self).controller_model()
-    }
-
-    fn acquire_targets(&mut self) -> Result<RenderTargets, XrError> {
-        (**self).acquire_targets()
-    }
-
-    fn vibrate(&mut self, pulse: &Pulse) -> Result<(), XrError> {
-        (**self).vibrate(pulse)
-    }
-
-    fn move_wearer(&mut self, by_m: DVec3) {
-        (**self).move_wearer(by_m);
-    }
-
-    fn end_frame(&mut self, submission: FrameSubmission<'_>) -> Result<(), XrError> {
-        (**self).end_frame(submission)
-    }
-}
-
 /// What a session is. Refresh rate and hidden areas may change while it waits for a frame, the rest is fixed for its life.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SessionInfo {

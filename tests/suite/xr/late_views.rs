@@ -120,9 +120,7 @@ fn play(session: impl XrSession, scene: &Scene) -> Vec<Seen> {
 
 fn replay(path: &Path, scene: &Scene) -> Vec<Seen> {
     let options = ReplayOptions::new(Headset::load("symmetric").unwrap(), start_pose(scene));
-    // As a program has it that chooses its session while it runs.
-    let session: Box<dyn XrSession> = Box::new(ReplaySession::open(path, options).unwrap());
-    play(session, scene)
+    play(ReplaySession::open(path, options).unwrap(), scene)
 }
 
 #[test]
