@@ -8,7 +8,7 @@ use glam::{DMat4, DVec3};
 use serde::Serialize;
 
 use crate::chrome_trace::ChromeTrace;
-use crate::exr_file::{ExrAttribute, ExrFile, ExrSamples};
+use crate::exr_file::{ExrAttribute, ExrFile, ExrSamples, exr_text};
 use crate::false_color::provenance_color;
 use crate::gpu::{HostSpan, Submission};
 use crate::images::{
@@ -380,7 +380,7 @@ impl OutputFolder {
             let mut file = ExrFile::new([image.width, image.height]);
             file.add_rgb("", image, half);
             self.describe(&mut file, facts, eye, "");
-            file.set("view", ExrAttribute::Text(eye.name().to_owned()));
+            file.set("view", ExrAttribute::Text(exr_text(eye.name())));
             let rest = if part.is_empty() {
                 for layer in images.aovs.iter().filter(|layer| layer.eye == eye) {
                     add_layer(&mut file, layer, "", half);
@@ -420,8 +420,8 @@ impl OutputFolder {
         for layer in &images.aovs {
             add_layer(&mut file, layer, &view(layer.eye), half);
         }
-        let names = images.radiance.iter().map(|(eye, _)| eye.name().to_owned());
-        file.set("multiView", ExrAttribute::Texts(names.collect()));
+        let names = images.radiance.iter().map(|(eye, _)| exr_text(eye.name()));
+        file.set("multiView", ExrAttribute::TextVector(names.collect()));
         let path = self.frame_path(facts.frame, ".exr");
         write_atomically(&path, |out| file.write(out))?;
         Ok(())
@@ -433,16 +433,16 @@ impl OutputFolder {
         let tangents = view.fov.tangents();
         let (width, height) = (tangents.right - tangents.left, tangents.up - tangents.down);
         let [columns, rows] = file.size().map(f64::from);
-        let center = [
-            (tangents.left + tangents.right) / 2.0,
-            (tangents.up + tangents.down) / 2.0,
-        ];
+        let center = (
+            ((tangents.left + tangents.right) / 2.0) as f32,
+            ((tangents.up + tangents.down) / 2.0) as f32,
+        );
+        let center = ExrAttribute::FloatVec2(center.into());
         let mut own = |name: &str, value| file.set(&format!("{prefix}{name}"), value);
-        let center = center.map(|tangent| tangent as f32);
-        own("screenWindowCenter", ExrAttribute::Vector2(center));
-        own("screenWindowWidth", ExrAttribute::Float(width as f32));
+        own("screenWindowCenter", center);
+        own("screenWindowWidth", ExrAttribute::F32(width as f32));
         let aspect = (width / columns) / (height / rows);
-        own("pixelAspectRatio", ExrAttribute::Float(aspect as f32));
+        own("pixelAspectRatio", ExrAttribute::F32(aspect as f32));
         own("worldToCamera", world_to_camera(view));
         let fov = view.fov;
         let angles = [
@@ -452,10 +452,16 @@ impl OutputFolder {
             fov.angle_down,
         ];
         let angles = angles.map(|angle| format!("{:.6}", angle.to_degrees()));
-        own("fovDegrees", ExrAttribute::Text(angles.join(" ")));
-        file.set("imageCounter", ExrAttribute::Int(facts.frame as i32));
+        own(
+            "fovDegrees",
+            ExrAttribute::Text(exr_text(&angles.join(" "))),
+        );
+        file.set("imageCounter", ExrAttribute::I32(facts.frame as i32));
         let thousandths = (facts.refresh_hz * 1000.0).round() as i32;
-        file.set("framesPerSecond", ExrAttribute::Rational(thousandths, 1000));
+        file.set(
+            "framesPerSecond",
+            ExrAttribute::Rational((thousandths, 1000)),
+        );
         for (name, text) in [
             ("stereolux.adapter", self.adapter.clone()),
             ("stereolux.displayTimeNs", facts.display_time_ns.to_string()),
@@ -464,7 +470,7 @@ impl OutputFolder {
                 format!("{:016x}", self.settings.picture_hash()),
             ),
         ] {
-            file.set(name, ExrAttribute::Text(text));
+            file.set(name, ExrAttribute::Text(exr_text(&text)));
         }
     }
 }
@@ -474,7 +480,7 @@ fn world_to_camera(view: &View) -> ExrAttribute {
     let camera_from_eye = DMat4::from_scale(DVec3::new(1.0, 1.0, -1.0));
     let camera_from_world = camera_from_eye * DMat4::from(view.eye_from_world());
     let columns = camera_from_world.to_cols_array();
-    ExrAttribute::Matrix(columns.map(|value| value as f32))
+    ExrAttribute::Matrix4x4(columns.map(|value| value as f32))
 }
 
 /// Adds what each pixel sees; `view` stands before the last word of the channels' names.

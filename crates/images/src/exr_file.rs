@@ -1,14 +1,16 @@
 //! Writing OpenEXR: one part, scan lines from the top, ZIP ("OpenEXR File Layout" and "Storing Multi-View Images in OpenEXR
 //! Files", openexr.com).
 //!
-//! The `exr` crate compresses. The file around it is ours: that crate promises no order of a header's attributes, and runs
-//! are compared byte for byte.
+//! The `exr` crate compresses and encodes attributes. Their order is ours: that crate promises none, and runs are compared
+//! byte for byte.
 
 use std::io::{self, Write};
 
 use exr::compression::Compression;
+use exr::error::Error;
 use exr::meta::BlockDescription;
-use exr::meta::attribute::{ChannelDescription, IntegerBounds, LineOrder, SampleType, Text};
+pub use exr::meta::attribute::AttributeValue as ExrAttribute;
+use exr::meta::attribute::{self, ChannelDescription, IntegerBounds, LineOrder, SampleType, Text};
 use exr::meta::header::Header;
 use exr::prelude::f16;
 use rayon::prelude::*;
@@ -63,49 +65,10 @@ impl ExrSamples {
     }
 }
 
-/// Value of a header's attribute.
-#[derive(Clone, Debug, PartialEq)]
-pub enum ExrAttribute {
-    /// `string`.
-    Text(String),
-    /// `stringvector`.
-    Texts(Vec<String>),
-    /// `int`.
-    Int(i32),
-    /// `float`.
-    Float(f32),
-    /// `v2f`.
-    Vector2([f32; 2]),
-    /// `m44f`, for row vectors: the last four numbers move.
-    Matrix([f32; 16]),
-    /// `rational`.
-    Rational(i32, u32),
-}
-
-impl ExrAttribute {
-    fn encoded(&self) -> (&'static str, Vec<u8>) {
-        let floats =
-            |values: &[f32]| -> Vec<u8> { values.iter().flat_map(|v| v.to_le_bytes()).collect() };
-        match self {
-            Self::Text(text) => ("string", text.as_bytes().to_vec()),
-            Self::Texts(texts) => {
-                let mut bytes = Vec::new();
-                for text in texts {
-                    bytes.extend_from_slice(&(text.len() as i32).to_le_bytes());
-                    bytes.extend_from_slice(text.as_bytes());
-                }
-                ("stringvector", bytes)
-            }
-            Self::Int(value) => ("int", value.to_le_bytes().to_vec()),
-            Self::Float(value) => ("float", floats(&[*value])),
-            Self::Vector2(value) => ("v2f", floats(value)),
-            Self::Matrix(value) => ("m44f", floats(value)),
-            Self::Rational(above, below) => {
-                let bytes = [above.to_le_bytes(), below.to_le_bytes()];
-                ("rational", bytes.concat())
-            }
-        }
-    }
+/// A header's text: UTF-8, of which the format knows nothing.
+#[must_use]
+pub fn exr_text(text: &str) -> Text {
+    Text::from_slice_unchecked(text.as_bytes())
 }
 
 /// An image with any channels and attributes.
@@ -126,10 +89,13 @@ impl ExrFile {
             channels: Vec::new(),
             attributes: Vec::new(),
         };
-        file.set("pixelAspectRatio", ExrAttribute::Float(1.0));
-        file.set("screenWindowCenter", ExrAttribute::Vector2([0.0; 2]));
-        file.set("screenWindowWidth", ExrAttribute::Float(1.0));
-        file.set("software", ExrAttribute::Text(text.to_owned()));
+        file.set("pixelAspectRatio", ExrAttribute::F32(1.0));
+        file.set(
+            "screenWindowCenter",
+            ExrAttribute::FloatVec2((0.0, 0.0).into()),
+        );
+        file.set("screenWindowWidth", ExrAttribute::F32(1.0));
+        file.set("software", ExrAttribute::Text(exr_text(text)));
         file
     }
 
@@ -180,8 +146,10 @@ impl ExrFile {
         if self.channels.is_empty() || !self.channels.iter().all(|(_, samples)| fits(samples)) {
             return Err(io::Error::other("the channels do not make an image"));
         }
+        let failed = |error: Error| io::Error::other(error.to_string());
         let header = self.header();
-        let blocks = self.blocks()?;
+        let blocks = self.blocks(&header).map_err(failed)?;
+        let header = self.encoded(&header).map_err(failed)?;
         out.write_all(&header)?;
         let mut place = (header.len() + blocks.len() * size_of::<u64>()) as u64;
         for block in &blocks {
@@ -196,60 +164,45 @@ impl ExrFile {
         Ok(())
     }
 
-    fn header(&self) -> Vec<u8> {
-        const ZIP: u8 = 3;
-        let mut header: Vec<u8> = vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0]; // magic number, version 2, no flags
-        let mut attribute = |name: &str, kind: &str, value: &[u8]| {
-            for text in [name, kind] {
-                header.extend_from_slice(text.as_bytes());
-                header.push(0);
-            }
-            header.extend_from_slice(&(value.len() as i32).to_le_bytes());
-            header.extend_from_slice(value);
-        };
-        let mut channels = Vec::new();
-        for (name, samples) in &self.channels {
-            channels.extend_from_slice(name.as_bytes());
-            channels.push(0);
-            let kind = match samples.kind() {
-                SampleType::U32 => 0,
-                SampleType::F16 => 1,
-                SampleType::F32 => 2,
-            };
-            // Type, "perceptually linear" with three reserved bytes, sampling steps in x and y.
-            for word in [kind, 0, 1, 1_i32] {
-                channels.extend_from_slice(&word.to_le_bytes());
-            }
+    fn encoded(&self, header: &Header) -> Result<Vec<u8>, Error> {
+        let window = ExrAttribute::IntegerBounds(header.shared_attributes.display_window);
+        let attributes = [
+            (
+                "channels",
+                ExrAttribute::ChannelList(header.channels.clone()),
+            ),
+            ("compression", ExrAttribute::Compression(header.compression)),
+            ("dataWindow", window.clone()),
+            ("displayWindow", window),
+            ("lineOrder", ExrAttribute::LineOrder(header.line_order)),
+        ];
+        let mut bytes = vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0]; // magic number, version 2, no flags
+        for (name, value) in &attributes {
+            attribute::write(name.as_bytes(), value, &mut bytes)?;
         }
-        channels.push(0);
-        let window = [0, 0, self.size[0] as i32 - 1, self.size[1] as i32 - 1];
-        let window: Vec<u8> = window.iter().flat_map(|b| b.to_le_bytes()).collect();
-        attribute("channels", "chlist", &channels);
-        attribute("compression", "compression", &[ZIP]);
-        attribute("dataWindow", "box2i", &window);
-        attribute("displayWindow", "box2i", &window);
-        attribute("lineOrder", "lineOrder", &[0]);
         for (name, value) in &self.attributes {
-            let (kind, bytes) = value.encoded();
-            attribute(name, kind, &bytes);
+            attribute::write(name.as_bytes(), value, &mut bytes)?;
         }
-        header.push(0);
-        header
+        bytes.push(0);
+        Ok(bytes)
     }
 
-    /// The rows, compressed.
-    fn blocks(&self) -> io::Result<Vec<Vec<u8>>> {
+    fn header(&self) -> Header {
         let [width, height] = self.size.map(|side| side as usize);
-        let channels = self.channels.iter().map(|(name, samples)| {
-            let name = Text::new_or_none(name).unwrap_or_default();
-            ChannelDescription::new(name, samples.kind(), false)
-        });
-        let header = Header::new(Text::default(), (width, height), channels.collect());
-        let header = header.with_encoding(
+        let channels = self
+            .channels
+            .iter()
+            .map(|(name, samples)| ChannelDescription::new(exr_text(name), samples.kind(), false));
+        Header::new(Text::default(), (width, height), channels.collect()).with_encoding(
             Compression::ZIP16,
             BlockDescription::ScanLines,
             LineOrder::Increasing,
-        );
+        )
+    }
+
+    /// The rows, compressed.
+    fn blocks(&self, header: &Header) -> Result<Vec<Vec<u8>>, Error> {
+        let [width, height] = self.size.map(|side| side as usize);
         let block = |index: usize| {
             let rows = index * ROWS..height.min((index + 1) * ROWS);
             let mut bytes = Vec::new();
@@ -259,9 +212,7 @@ impl ExrFile {
                 }
             }
             let section = IntegerBounds::new((0, rows.start as i32), (width, rows.len()));
-            Compression::ZIP16
-                .compress_image_section_to_le(&header, bytes, section)
-                .map_err(|error| io::Error::other(error.to_string()))
+            Compression::ZIP16.compress_image_section_to_le(header, bytes, section)
         };
         let count = height.div_ceil(ROWS);
         (0..count).into_par_iter().map(block).collect()
