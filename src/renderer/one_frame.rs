@@ -16,6 +16,14 @@ const MOST_FRAMES_AT_REST: u32 = 65_536;
 /// Stride of photon keys between frames; progressive mode numbers its samples in between.
 const PHOTON_KEY_STRIDE: u32 = 1_000_003;
 
+/// Progress that never breaks a frame off.
+fn going_on(mut progress: impl FnMut(u32)) -> impl FnMut(u32) -> ControlFlow<()> {
+    move |done| {
+        progress(done);
+        ControlFlow::Continue(())
+    }
+}
+
 impl Renderer {
     /// Renders one frame and waits for it. `progress` receives the number of finished samples.
     ///
@@ -27,7 +35,8 @@ impl Renderer {
         frame_index: u32,
         progress: impl FnMut(u32),
     ) -> Result<FrameResult, RenderError> {
-        let flight = self.send(views, frame_index, true, progress)?;
+        let flight = self.prepare_frame(views, frame_index)?;
+        let flight = self.send_eyes(flight, views, frame_index, true, going_on(progress))?;
         self.retire(flight)
     }
 
@@ -43,23 +52,8 @@ impl Renderer {
         frame_index: u32,
         progress: impl FnMut(u32),
     ) -> Result<Flight, RenderError> {
-        self.send(views, frame_index, false, progress)
-    }
-
-    /// As [`Renderer::send_frame`]; `lands`: waits for the frame's end, as a part of rendering it.
-    fn send(
-        &mut self,
-        views: &[View; 2],
-        frame_index: u32,
-        lands: bool,
-        mut progress: impl FnMut(u32),
-    ) -> Result<Flight, RenderError> {
         let flight = self.prepare_frame(views, frame_index)?;
-        let goes_on = |done| {
-            progress(done);
-            ControlFlow::Continue(())
-        };
-        self.send_eyes(flight, views, frame_index, lands, goes_on)
+        self.send_eyes(flight, views, frame_index, false, going_on(progress))
     }
 
     /// The first part of a frame, all but the eyes: moves the scene to the head, deforms meshes, traces photons.
@@ -148,7 +142,8 @@ impl Renderer {
         Ok(self.slice_gathers()?)
     }
 
-    /// The eyes of a frame that was prepared, as `views` have them by now; they may have moved a little since.
+    /// The eyes of a frame that was prepared, as `views` have them by now; they may have moved a little since. `lands`:
+    /// waits for the frame's end, as a part of rendering it.
     ///
     /// # Errors
     /// As [`Renderer::send_frame`].
