@@ -64,19 +64,31 @@ impl Inspector {
         self.traced = None;
     }
 
+    /// The last frame.
+    fn frame(&self) -> Result<(Frame, DVec3), RenderError> {
+        self.frames[0].ok_or_else(|| {
+            RenderError::Settings(
+                "there is nothing to look at yet: render a frame of this size first".to_owned(),
+            )
+        })
+    }
+}
+
+/// An eye that looks.
+struct Look<'a> {
+    inspector: &'a mut Inspector,
+    renderer: &'a Renderer,
+    library: &'a ShaderLibrary,
+    eye: Eye,
+}
+
+impl Look<'_> {
     /// Runs the passes of a view and waits for them.
-    fn run(
-        &mut self,
-        renderer: &Renderer,
-        library: &ShaderLibrary,
-        view: View,
-        eye: Eye,
-    ) -> Result<(), RenderError> {
-        if self.run.features() != renderer.features() {
-            self.run = FrameRun::new(*renderer.features());
-        }
-        let (now, origin) = self.frame()?;
-        let (before, origin_before) = self.frames[1].unwrap_or((now, origin));
+    fn run(&mut self, view: View) -> Result<(), RenderError> {
+        let (renderer, eye) = (self.renderer, self.eye);
+        let (now, origin) = self.inspector.frame()?;
+        let previous = self.inspector.frames[1];
+        let (before, origin_before) = previous.unwrap_or((now, origin));
         // A frame of one sample looks through the pixels' centres.
         let centered = Frame {
             first_sample: 0,
@@ -88,7 +100,7 @@ impl Inspector {
             right: now.right,
             previous_left: before.left,
             previous_right: before.right,
-            has_history: if self.frames[1].is_some() { 1.0 } else { 0.0 },
+            has_history: if previous.is_some() { 1.0 } else { 0.0 },
             origin_moved: (origin - origin_before).as_vec3().to_array(),
             ..ReconstructionUniform::zeroed()
         };
@@ -113,44 +125,32 @@ impl Inspector {
             .with("reconstruction", &motion);
         let given = of_frame.give(given, owner, &["hidden_pixels"]);
         let stage = Stage::Inspect;
-        self.run.compile(context, library, &steps)?;
-        let planned = inspection(steps);
-        self.run
-            .bind(context, &[planned], &given, &renderer.image, &[])?;
+        let run = &mut self.inspector.run;
+        if run.features() != renderer.features() {
+            *run = FrameRun::new(*renderer.features());
+        }
+        run.compile(context, self.library, &steps)?;
+        run.bind(context, &[inspection(steps)], &given, &renderer.image, &[])?;
         let mut recorder = FrameRecorder::new(context, None, stage.name());
-        self.run.play(&mut recorder, stage, &Play::default())?;
+        run.play(&mut recorder, stage, &Play::default())?;
         Ok(recorder.submit(stage.name(), &mut PassTimes::default())?)
     }
 
     /// Fills the images for an eye of the last frame, unless they hold that already.
-    fn trace(
-        &mut self,
-        renderer: &Renderer,
-        library: &ShaderLibrary,
-        eye: Eye,
-    ) -> Result<(), RenderError> {
-        self.frame()?;
-        if self.traced == Some((self.frame_count, eye)) {
-            return Ok(());
+    fn trace(&mut self) -> Result<(), RenderError> {
+        self.inspector.frame()?;
+        let traced = Some((self.inspector.frame_count, self.eye));
+        if self.inspector.traced != traced {
+            self.inspector.traced = None;
+            self.run(View::Surfaces)?;
+            self.inspector.traced = traced;
         }
-        self.traced = None;
-        self.run(renderer, library, View::Surfaces, eye)?;
-        self.traced = Some((self.frame_count, eye));
         Ok(())
     }
 
-    /// The last frame.
-    fn frame(&self) -> Result<(Frame, DVec3), RenderError> {
-        self.frames[0].ok_or_else(|| {
-            RenderError::Settings(
-                "there is nothing to look at yet: render a frame of this size first".to_owned(),
-            )
-        })
-    }
-
     /// One element per pixel of an image that views have filled.
-    fn image<T: Pod>(&self, renderer: &Renderer, name: &'static str) -> Result<Vec<T>, GpuError> {
-        let buffers = &self.run.buffers;
+    fn image<T: Pod>(&self, name: &'static str) -> Result<Vec<T>, GpuError> {
+        let (renderer, buffers) = (self.renderer, &self.inspector.run.buffers);
         let place = (Whose::Frame, name);
         let read = buffers.read(&renderer.context, place, 0, renderer.pixels())?;
         read.ok_or_else(|| GpuError::Unbound {
@@ -159,11 +159,11 @@ impl Inspector {
         })
     }
 
-    fn surfaces(&self, renderer: &Renderer) -> Result<Vec<SeenSurface>, GpuError> {
-        let hits: Vec<[u32; 4]> = self.image(renderer, "inspected_hits")?;
-        let marks: Vec<[u32; 4]> = self.image(renderer, "inspected_marks")?;
-        let normals: Vec<[f32; 4]> = self.image(renderer, "inspected_normals")?;
-        let colors: Vec<[f32; 4]> = self.image(renderer, "inspected_colors")?;
+    fn surfaces(&self) -> Result<Vec<SeenSurface>, GpuError> {
+        let hits: Vec<[u32; 4]> = self.image("inspected_hits")?;
+        let marks: Vec<[u32; 4]> = self.image("inspected_marks")?;
+        let normals: Vec<[f32; 4]> = self.image("inspected_normals")?;
+        let colors: Vec<[f32; 4]> = self.image("inspected_colors")?;
         let surface = |pixel: usize| {
             let ([instance, triangle, v, w], [material, nodes, geometric, front]) =
                 (hits[pixel], marks[pixel]);
@@ -176,7 +176,7 @@ impl Inspector {
             let ([x, y, z, distance_m], [r, g, b, _]) = (normals[pixel], colors[pixel]);
             SeenSurface {
                 instance: Some(InstanceId(instance)),
-                node: renderer.scene.shown_node(instance),
+                node: self.renderer.scene.shown_node(instance),
                 material,
                 triangle,
                 weights: [f32::from_bits(v), f32::from_bits(w)],
@@ -188,46 +188,41 @@ impl Inspector {
                 nodes_visited: nodes,
             }
         };
-        Ok((0..renderer.pixels()).map(surface).collect())
+        Ok((0..self.renderer.pixels()).map(surface).collect())
     }
 
     /// Which pixels see a surface.
-    fn sees_surface(&self, renderer: &Renderer) -> Result<Option<Vec<bool>>, GpuError> {
-        let normals: Vec<[f32; 4]> = self.image(renderer, "inspected_normals")?;
+    fn sees_surface(&self) -> Result<Option<Vec<bool>>, GpuError> {
+        let normals: Vec<[f32; 4]> = self.image("inspected_normals")?;
         Ok(Some(normals.iter().map(|normal| normal[3] > 0.0).collect()))
     }
 
-    fn inspect(
-        &mut self,
-        renderer: &Renderer,
-        library: &ShaderLibrary,
-        inspection: Inspection,
-        eye: Eye,
-    ) -> Result<Inspected, RenderError> {
+    fn inspect(&mut self, inspection: Inspection) -> Result<Inspected, RenderError> {
+        let (renderer, eye) = (self.renderer, self.eye);
         if let Some(missing) = inspection.missing(&renderer.settings) {
             return Err(lacks(inspection, missing));
         }
         let buffers = renderer.buffers_of(eye).ok_or_else(|| not_rendered(eye))?;
-        self.frame()?;
+        self.inspector.frame()?;
         let (values, has_value) = match inspection {
             Inspection::Direct | Inspection::Indirect | Inspection::Provenance => {
                 (of_frame(renderer, inspection, eye, buffers)?, None)
             }
             _ => {
-                self.trace(renderer, library, eye)?;
+                self.trace()?;
                 match inspection {
                     Inspection::PhotonDensity
                     | Inspection::GridOccupancy
                     | Inspection::PhotonDots
-                    | Inspection::Caustic => self.of_photons(renderer, library, inspection, eye)?,
-                    Inspection::Motion => self.motion(renderer, library, eye)?,
+                    | Inspection::Caustic => self.of_photons(inspection)?,
+                    Inspection::Motion => self.motion()?,
                     Inspection::Variance => {
                         let variance = renderer.read_variance(buffers)?;
                         let lacking = || lacks(inspection, "reconstruct.svgf=true");
                         let variance = InspectedValues::Scalar(variance.ok_or_else(lacking)?);
-                        (variance, self.sees_surface(renderer)?)
+                        (variance, self.sees_surface()?)
                     }
-                    _ => self.of_surfaces(renderer, inspection)?,
+                    _ => self.of_surfaces(inspection)?,
                 }
             }
         };
@@ -241,13 +236,9 @@ impl Inspector {
     }
 
     /// Views of what the rays through pixels' centres meet.
-    fn of_surfaces(
-        &self,
-        renderer: &Renderer,
-        inspection: Inspection,
-    ) -> Result<Values, RenderError> {
-        let image = |name| self.image::<[f32; 4]>(renderer, name);
-        let words = |name| self.image::<[u32; 4]>(renderer, name);
+    fn of_surfaces(&self, inspection: Inspection) -> Result<Values, RenderError> {
+        let image = |name| self.image::<[f32; 4]>(name);
+        let words = |name| self.image::<[u32; 4]>(name);
         let values = match inspection {
             Inspection::Albedo => InspectedValues::Color(rgb(&image("inspected_colors")?)),
             Inspection::Normal => InspectedValues::Direction(rgb(&image("inspected_normals")?)),
@@ -265,54 +256,43 @@ impl Inspector {
                 return Ok((scalar(marks.iter().map(|mark| mark[1])), None));
             }
         };
-        Ok((values, self.sees_surface(renderer)?))
+        Ok((values, self.sees_surface()?))
     }
 
     /// Views of what the photon maps hold.
-    fn of_photons(
-        &mut self,
-        renderer: &Renderer,
-        library: &ShaderLibrary,
-        inspection: Inspection,
-        eye: Eye,
-    ) -> Result<Values, RenderError> {
+    fn of_photons(&mut self, inspection: Inspection) -> Result<Values, RenderError> {
         if inspection == Inspection::PhotonDots {
-            return Ok((self.photon_dots(renderer, library, eye)?, None));
+            return Ok((self.photon_dots()?, None));
         }
         if inspection == Inspection::Caustic {
             let lacking = || lacks(inspection, "force.caustics=on");
-            let map = traced(renderer.caustic_map().ok_or_else(lacking)?)?;
+            let map = traced(self.renderer.caustic_map().ok_or_else(lacking)?)?;
             let view = View::CausticLight(map.gather_slices());
-            self.run(renderer, library, view, eye)?;
-            let light: Vec<[f32; 4]> = self.image(renderer, "inspection")?;
+            self.run(view)?;
+            let light: Vec<[f32; 4]> = self.image("inspection")?;
             let has_value = light.iter().map(|v| v[3] > 0.0).collect();
             return Ok((InspectedValues::Color(rgb(&light)), Some(has_value)));
         }
-        let map = renderer.photon_map().ok_or_else(no_photons)?;
+        let map = self.renderer.photon_map().ok_or_else(no_photons)?;
         let view = View::PhotonsAround(traced(map)?.gather_slices());
-        self.run(renderer, library, view, eye)?;
+        self.run(view)?;
         // Within the radius, and in the point's cell.
-        let around: Vec<[u32; 2]> = self.image(renderer, "inspection")?;
+        let around: Vec<[u32; 2]> = self.image("inspection")?;
         let values = if inspection == Inspection::GridOccupancy {
             scalar(around.iter().map(|counts| counts[1]))
         } else {
-            let radius_m = f64::from(self.frame()?.0.photon_radius);
+            let radius_m = f64::from(self.inspector.frame()?.0.photon_radius);
             let area_m2 = std::f64::consts::PI * radius_m * radius_m;
             let density = |counts: &[u32; 2]| (f64::from(counts[0]) / area_m2) as f32;
             InspectedValues::Scalar(around.iter().map(density).collect())
         };
-        Ok((values, self.sees_surface(renderer)?))
+        Ok((values, self.sees_surface()?))
     }
 
     /// Photons of both maps that an eye sees in each pixel.
-    fn photon_dots(
-        &mut self,
-        renderer: &Renderer,
-        library: &ShaderLibrary,
-        eye: Eye,
-    ) -> Result<InspectedValues, RenderError> {
+    fn photon_dots(&mut self) -> Result<InspectedValues, RenderError> {
         let mut clears = true;
-        for map in &renderer.maps {
+        for map in &self.renderer.maps {
             let stored = traced(map)?.counters().stored;
             if stored > 0 || clears {
                 let map = map.kind();
@@ -321,23 +301,18 @@ impl Inspector {
                     stored,
                     clears,
                 };
-                self.run(renderer, library, view, eye)?;
+                self.run(view)?;
             }
             clears = false;
         }
-        let dots: Vec<u32> = self.image(renderer, "inspection")?;
+        let dots: Vec<u32> = self.image("inspection")?;
         Ok(scalar(dots.into_iter()))
     }
 
     /// Displacement between the last two frames of what is seen through pixels' centres, pixels.
-    fn motion(
-        &mut self,
-        renderer: &Renderer,
-        library: &ShaderLibrary,
-        eye: Eye,
-    ) -> Result<Values, RenderError> {
-        self.run(renderer, library, View::Motion, eye)?;
-        let words: Vec<[u32; 2]> = self.image(renderer, "inspection")?;
+    fn motion(&mut self) -> Result<Values, RenderError> {
+        self.run(View::Motion)?;
+        let words: Vec<[u32; 2]> = self.image("inspection")?;
         let vector = |words| match unpack_motion(words) {
             [x, y, _, known] if known > 0.0 => ([x, y], true),
             _ => ([0.0; 2], false),
@@ -438,9 +413,9 @@ impl Renderer {
         if self.buffers_of(eye).is_none() {
             return Err(not_rendered(eye));
         }
-        self.with_inspector(|inspector, renderer| {
-            inspector.trace(renderer, library, eye)?;
-            Ok(inspector.surfaces(renderer)?)
+        self.look(library, eye, |mut look| {
+            look.trace()?;
+            Ok(look.surfaces()?)
         })
     }
 
@@ -455,9 +430,7 @@ impl Renderer {
         inspection: Inspection,
         eye: Eye,
     ) -> Result<Inspected, RenderError> {
-        self.with_inspector(|inspector, renderer| {
-            inspector.inspect(renderer, library, inspection, eye)
-        })
+        self.look(library, eye, |mut look| look.inspect(inspection))
     }
 
     /// Drops the compiled passes of views: the next view compiles its own from the library that it is given. For shaders
@@ -467,9 +440,19 @@ impl Renderer {
         self.inspector.forget_kernels();
     }
 
-    fn with_inspector<R>(&mut self, look: impl FnOnce(&mut Inspector, &Self) -> R) -> R {
+    fn look<R>(
+        &mut self,
+        library: &ShaderLibrary,
+        eye: Eye,
+        with: impl FnOnce(Look<'_>) -> R,
+    ) -> R {
         let mut inspector = std::mem::take(&mut self.inspector);
-        let found = look(&mut inspector, self);
+        let found = with(Look {
+            inspector: &mut inspector,
+            renderer: self,
+            library,
+            eye,
+        });
         self.inspector = inspector;
         found
     }
