@@ -216,7 +216,7 @@ impl FrameRun {
         for (at, step) in moments(stages) {
             if let Some(pass) = step.pass() {
                 let kernel = self.kernel(&self.key(step, pass))?;
-                note_uses(step, at, &kernel.bindings, given, &mut uses);
+                note_uses(step, at, &kernel.interface.bindings, given, &mut uses);
             }
         }
         note_the_rest(stages, &mut uses);
@@ -264,10 +264,10 @@ impl FrameRun {
         given: &Resources<'_>,
     ) -> Result<[wgpu::BindGroup; 2], GpuError> {
         let mut uses = BTreeMap::new();
-        note_uses(step, 0, &raster.bindings, given, &mut uses);
+        note_uses(step, 0, &raster.interface.bindings, given, &mut uses);
         self.buffers.give_tokens(context, uses.keys())?;
         let bind = |parity| {
-            raster.bind_by(context, |binding| {
+            raster.interface.bind_by(context, |binding| {
                 self.resource(step, binding, given, parity)
             })
         };
@@ -398,13 +398,13 @@ impl FrameRun {
         kernel: &Kernel,
         given: &Resources<'_>,
     ) -> Result<Vec<wgpu::BindGroup>, GpuError> {
-        let takes_turns = kernel.bindings.iter().any(|binding| {
+        let takes_turns = kernel.interface.bindings.iter().any(|binding| {
             let found = meaning(&named(step, &binding.name), step.owner);
             found.is_some_and(|found| self.buffers.takes_turns(&found.place))
         });
         (0..if takes_turns { 2 } else { 1 })
             .map(|parity| {
-                kernel.bind_by(context, |binding| {
+                kernel.interface.bind_by(context, |binding| {
                     self.resource(step, binding, given, parity)
                 })
             })

@@ -127,7 +127,7 @@ impl WorkLog {
             },
             dispatched: Dispatched {
                 label: label.to_owned(),
-                pass: kernel.name.clone(),
+                pass: kernel.interface.name.clone(),
                 threads: kernel
                     .workgroup_size
                     .iter()
@@ -174,7 +174,7 @@ pub(super) fn traffic(
     buffers: &Buffers,
 ) -> Traffic {
     let mut traffic = Traffic::default();
-    for binding in &kernel.bindings {
+    for binding in &kernel.interface.bindings {
         let name = named(step, &binding.name);
         let found = meaning(&name, step.owner).filter(|_| given.get(&name).is_none());
         let Some(found) = found.filter(|found| found.place.1 != COUNTS) else {

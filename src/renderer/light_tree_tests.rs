@@ -118,7 +118,7 @@ fn picked(
         .with("point", &point)
         .with("picks", &picks)
         .with("probabilities", &probabilities);
-    let bound = kernel.bind(context, &resources).unwrap();
+    let bound = kernel.interface.bind(context, &resources).unwrap();
     let mut recorder = FrameRecorder::new(context, None, "probe");
     let groups = Workgroups::Direct(kernel.groups_for(DRAWS));
     recorder.dispatch("probe", &kernel, &bound, 0, groups);

@@ -116,7 +116,7 @@ impl Renderer {
         for buffers in eyes.into_iter().flatten() {
             let step = &steps[buffers.index() as usize];
             // Anew each time: where the frame's images lie may change with its plan.
-            let bound = kernel.bind_by(&self.context, |binding| {
+            let bound = kernel.interface.bind_by(&self.context, |binding| {
                 self.frame.resource(step, binding, &given, self.parity())
             })?;
             recorder.dispatch(

@@ -77,16 +77,22 @@ pub enum BindingKind {
     Texels,
 }
 
-/// A compute pipeline with one entry point, `main`, and one bind group.
-pub struct Kernel {
+/// What a pass is bound to.
+pub struct Interface {
     /// Name of the pass: it labels the pipeline, the bind groups and the timestamps.
     pub name: String,
     /// Bindings in slot order.
     pub bindings: Vec<Binding>,
+    layout: wgpu::BindGroupLayout,
+}
+
+/// A compute pipeline with one entry point, `main`, and one bind group.
+pub struct Kernel {
+    /// What it is bound to.
+    pub interface: Interface,
     /// Threads of one workgroup.
     pub workgroup_size: [u32; 3],
     pipeline: wgpu::ComputePipeline,
-    layout: wgpu::BindGroupLayout,
     is_dynamic: bool,
 }
 
@@ -168,22 +174,6 @@ fn binding_type(binding: &Binding) -> wgpu::BindingType {
     }
 }
 
-/// What a bind group layout says of `bindings`, which `visibility`'s stages see.
-pub fn layout_entries(
-    bindings: &[Binding],
-    visibility: wgpu::ShaderStages,
-) -> Vec<wgpu::BindGroupLayoutEntry> {
-    bindings
-        .iter()
-        .map(|binding| wgpu::BindGroupLayoutEntry {
-            binding: binding.slot,
-            visibility,
-            ty: binding_type(binding),
-            count: None,
-        })
-        .collect()
-}
-
 /// Layouts of a group of bindings, and of pipelines that have it alone.
 pub fn layouts(
     device: &wgpu::Device,
@@ -201,41 +191,76 @@ pub fn layouts(
     (group, pipeline)
 }
 
-/// A bind group of what `resource_of` finds for each of a pass's `bindings`.
-///
-/// # Errors
-/// [`GpuError::Unbound`] if it finds nothing, [`GpuError::Validation`] if a resource does not fit.
-pub fn bind_group<'a>(
-    context: &GpuContext,
-    pass: &str,
-    layout: &wgpu::BindGroupLayout,
-    bindings: &[Binding],
-    resource_of: impl Fn(&Binding) -> Option<wgpu::BindingResource<'a>>,
-) -> Result<wgpu::BindGroup, GpuError> {
-    let mut entries = Vec::with_capacity(bindings.len());
-    for binding in bindings {
-        let mut resource = resource_of(binding).ok_or_else(|| GpuError::Unbound {
-            pass: pass.to_owned(),
-            binding: binding.name.clone(),
-        })?;
-        if binding.name == DISPATCH_BINDING
-            && let wgpu::BindingResource::Buffer(buffer) = &mut resource
-        {
-            buffer.size = wgpu::BufferSize::new(DISPATCH_STRIDE);
-        }
-        entries.push(wgpu::BindGroupEntry {
+impl Interface {
+    /// Of a pass whose `bindings` the stages of `visibility` see; and a layout for its pipeline.
+    pub(super) fn new(
+        context: &GpuContext,
+        pass: &str,
+        bindings: Vec<Binding>,
+        visibility: wgpu::ShaderStages,
+    ) -> (Self, wgpu::PipelineLayout) {
+        let entry = |binding: &Binding| wgpu::BindGroupLayoutEntry {
             binding: binding.slot,
-            resource,
-        });
-    }
-    context.guarded(pass, || {
-        let descriptor = wgpu::BindGroupDescriptor {
-            label: Some(pass),
-            layout,
-            entries: &entries,
+            visibility,
+            ty: binding_type(binding),
+            count: None,
         };
-        Ok(context.device.create_bind_group(&descriptor))
-    })
+        let entries: Vec<_> = bindings.iter().map(entry).collect();
+        let (layout, pipeline_layout) = layouts(&context.device, pass, &entries);
+        let interface = Self {
+            name: pass.to_owned(),
+            bindings,
+            layout,
+        };
+        (interface, pipeline_layout)
+    }
+
+    /// Binds what the shader declares from `resources`.
+    ///
+    /// # Errors
+    /// [`GpuError::Unbound`] if a name is missing, [`GpuError::Validation`] if a resource does not fit.
+    pub fn bind(
+        &self,
+        context: &GpuContext,
+        resources: &Resources<'_>,
+    ) -> Result<wgpu::BindGroup, GpuError> {
+        self.bind_by(context, |binding| resources.get(&binding.name))
+    }
+
+    /// As [`Interface::bind`], with what `resource_of` finds for each binding.
+    ///
+    /// # Errors
+    /// As [`Interface::bind`].
+    pub fn bind_by<'a>(
+        &self,
+        context: &GpuContext,
+        resource_of: impl Fn(&Binding) -> Option<wgpu::BindingResource<'a>>,
+    ) -> Result<wgpu::BindGroup, GpuError> {
+        let mut entries = Vec::with_capacity(self.bindings.len());
+        for binding in &self.bindings {
+            let mut resource = resource_of(binding).ok_or_else(|| GpuError::Unbound {
+                pass: self.name.clone(),
+                binding: binding.name.clone(),
+            })?;
+            if binding.name == DISPATCH_BINDING
+                && let wgpu::BindingResource::Buffer(buffer) = &mut resource
+            {
+                buffer.size = wgpu::BufferSize::new(DISPATCH_STRIDE);
+            }
+            entries.push(wgpu::BindGroupEntry {
+                binding: binding.slot,
+                resource,
+            });
+        }
+        context.guarded(&self.name, || {
+            let descriptor = wgpu::BindGroupDescriptor {
+                label: Some(&self.name),
+                layout: &self.layout,
+                entries: &entries,
+            };
+            Ok(context.device.create_bind_group(&descriptor))
+        })
+    }
 }
 
 /// Buffers among the bindings, uniforms too: what adapters limit per stage.
@@ -288,10 +313,11 @@ impl Kernel {
         context.count_made();
         context.guarded(pass, || {
             let device = &context.device;
-            let entries = layout_entries(&bindings, wgpu::ShaderStages::COMPUTE);
-            let (layout, pipeline_layout) = layouts(device, pass, &entries);
+            let (interface, pipeline_layout) =
+                Interface::new(context, pass, bindings, wgpu::ShaderStages::COMPUTE);
+            let bindings = &interface.bindings;
             let module = if shader.is_embedded {
-                module_of_embedded(context, pass, shader, &bindings)?
+                module_of_embedded(context, pass, shader, bindings)?
             } else {
                 device.create_shader_module(wgpu::ShaderModuleDescriptor {
                     label: Some(pass),
@@ -311,44 +337,12 @@ impl Kernel {
                 cache: context.pipeline_cache(),
             });
             Ok(Self {
-                name: pass.to_owned(),
                 is_dynamic: bindings.iter().any(|b| b.name == DISPATCH_BINDING),
-                bindings,
+                interface,
                 workgroup_size,
                 pipeline,
-                layout,
             })
         })
-    }
-
-    /// Binds what the shader declares from `resources`.
-    ///
-    /// # Errors
-    /// [`GpuError::Unbound`] if a name is missing, [`GpuError::Validation`] if a resource does not fit.
-    pub fn bind(
-        &self,
-        context: &GpuContext,
-        resources: &Resources<'_>,
-    ) -> Result<wgpu::BindGroup, GpuError> {
-        self.bind_by(context, |binding| resources.get(&binding.name))
-    }
-
-    /// As [`Kernel::bind`], with what `resource_of` finds for each binding.
-    ///
-    /// # Errors
-    /// As [`Kernel::bind`].
-    pub fn bind_by<'a>(
-        &self,
-        context: &GpuContext,
-        resource_of: impl Fn(&Binding) -> Option<wgpu::BindingResource<'a>>,
-    ) -> Result<wgpu::BindGroup, GpuError> {
-        bind_group(
-            context,
-            &self.name,
-            &self.layout,
-            &self.bindings,
-            resource_of,
-        )
     }
 
     /// Workgroups that cover `threads` threads along x in a 2D grid that keeps within the dimension limit.

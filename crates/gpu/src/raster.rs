@@ -1,6 +1,6 @@
 //! Passes over the fragments of one triangle, which write textures of others: a runtime's, a window's.
 
-use super::kernel::{Binding, bind_group, layout_entries, layouts, reflect_bindings};
+use super::kernel::{Interface, reflect_bindings};
 use super::{GpuContext, GpuError, ShaderFeatures, ShaderLibrary};
 
 /// A colour attachment that begins black.
@@ -33,12 +33,9 @@ pub fn from_infinity(
 
 /// A render pipeline over the fragments of one triangle, its bindings found by name.
 pub struct Raster {
-    /// Name of the pass.
-    pub name: String,
-    /// Bindings in slot order.
-    pub bindings: Vec<Binding>,
+    /// What it is bound to.
+    pub interface: Interface,
     pipeline: wgpu::RenderPipeline,
-    layout: wgpu::BindGroupLayout,
 }
 
 impl Raster {
@@ -58,8 +55,8 @@ impl Raster {
         context.count_made();
         context.guarded(name, || {
             let device = &context.device;
-            let entries = layout_entries(&bindings, wgpu::ShaderStages::FRAGMENT);
-            let (layout, pipeline_layout) = layouts(device, name, &entries);
+            let (interface, pipeline_layout) =
+                Interface::new(context, name, bindings, wgpu::ShaderStages::FRAGMENT);
             let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(name),
                 source: wgpu::ShaderSource::Wgsl(shader.wgsl.as_str().into()),
@@ -94,30 +91,10 @@ impl Raster {
                 cache: context.pipeline_cache(),
             });
             Ok(Self {
-                name: name.to_owned(),
-                bindings,
+                interface,
                 pipeline,
-                layout,
             })
         })
-    }
-
-    /// Binds what the pass reads, as `resource_of` finds it.
-    ///
-    /// # Errors
-    /// [`GpuError::Unbound`], [`GpuError::Validation`].
-    pub fn bind_by<'a>(
-        &self,
-        context: &GpuContext,
-        resource_of: impl Fn(&Binding) -> Option<wgpu::BindingResource<'a>>,
-    ) -> Result<wgpu::BindGroup, GpuError> {
-        bind_group(
-            context,
-            &self.name,
-            &self.layout,
-            &self.bindings,
-            resource_of,
-        )
     }
 
     /// Records the triangle.

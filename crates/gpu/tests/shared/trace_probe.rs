@@ -178,7 +178,7 @@ pub fn ask<Q: Pod, A: Pod>(
         .clone()
         .with("queries", &queries)
         .with("answers", &answers);
-    let bound = kernel.bind(context, &resources).unwrap();
+    let bound = kernel.interface.bind(context, &resources).unwrap();
     let mut recorder = FrameRecorder::new(context, None, "probe");
     let groups = Workgroups::Direct(kernel.groups_for(count as u32));
     recorder.dispatch("probe", kernel, &bound, 0, groups);
