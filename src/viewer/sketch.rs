@@ -14,6 +14,7 @@ use glam::{DAffine3, DMat4, Mat4, Vec4};
 use wgpu::util::{DeviceExt as _, TextureDataOrder};
 
 use super::frames::{FrameReport, ViewMode};
+use crate::gpu::buffers::flat_texture;
 use crate::gpu::kernel::layouts;
 use crate::gpu::raster::{from_black, from_infinity};
 use crate::gpu::{GpuContext, GpuError, ShaderFeatures, ShaderLibrary};
@@ -493,7 +494,8 @@ impl Images {
         use wgpu::TextureUsages as U;
         let color = U::RENDER_ATTACHMENT | U::TEXTURE_BINDING | U::COPY_SRC;
         let image = |format, usage| {
-            let texture = gpu.device.create_texture(&descriptor(size, format, usage));
+            let descriptor = flat_texture(LABEL, size, format, usage);
+            let texture = gpu.device.create_texture(&descriptor);
             texture.create_view(&Default::default())
         };
         Self {
@@ -502,27 +504,6 @@ impl Images {
             rimmed: [(); 2].map(|()| image(FORMAT, color)),
             depth: image(DEPTH, U::RENDER_ATTACHMENT),
         }
-    }
-}
-
-fn descriptor(
-    size: [u32; 2],
-    format: wgpu::TextureFormat,
-    usage: wgpu::TextureUsages,
-) -> wgpu::TextureDescriptor<'static> {
-    wgpu::TextureDescriptor {
-        label: Some(LABEL),
-        size: wgpu::Extent3d {
-            width: size[0],
-            height: size[1],
-            depth_or_array_layers: 1,
-        },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage,
-        view_formats: &[],
     }
 }
 
@@ -535,7 +516,7 @@ fn upload(
 ) -> wgpu::TextureView {
     let texture = gpu.device.create_texture_with_data(
         &gpu.queue,
-        &descriptor(size, format, wgpu::TextureUsages::TEXTURE_BINDING),
+        &flat_texture(LABEL, size, format, wgpu::TextureUsages::TEXTURE_BINDING),
         TextureDataOrder::default(),
         texels,
     );

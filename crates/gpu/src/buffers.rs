@@ -1,4 +1,4 @@
-//! Labelled buffers and read-back.
+//! Labelled buffers, textures and read-back.
 
 use std::sync::mpsc::Receiver;
 use std::sync::{MutexGuard, PoisonError};
@@ -48,6 +48,30 @@ fn empty_buffer(
             mapped_at_creation: false,
         }))
     })
+}
+
+/// A texture of one level; `size` is width and height in texels.
+#[must_use]
+pub fn flat_texture(
+    label: &str,
+    [width, height]: [u32; 2],
+    format: wgpu::TextureFormat,
+    usage: wgpu::TextureUsages,
+) -> wgpu::TextureDescriptor<'_> {
+    wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d {
+            width,
+            height,
+            depth_or_array_layers: 1,
+        },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    }
 }
 
 /// A storage buffer that holds `data`; an empty slice becomes 1,024 zero bytes, more than any record, so that it

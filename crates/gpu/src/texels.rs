@@ -5,6 +5,7 @@
 
 use std::ops::Range;
 
+use super::buffers::flat_texture;
 use super::context::{GpuContext, GpuError};
 
 /// Texels of a row. The shaders hold its logarithm, `ROW_SHIFT` in `shaders/shared/records.wesl`; a test compares them.
@@ -41,16 +42,10 @@ impl TexelCopy {
         }
         context.count_made();
         let texture = context.guarded(self.label, || {
-            Ok(context.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some(self.label),
-                size: extent(ROW_TEXELS, rows),
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: wgpu::TextureFormat::Rgba32Uint,
-                usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_DST,
-                view_formats: &[],
-            }))
+            let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_DST;
+            let format = wgpu::TextureFormat::Rgba32Uint;
+            let descriptor = flat_texture(self.label, [ROW_TEXELS, rows], format, usage);
+            Ok(context.device.create_texture(&descriptor))
         })?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         self.texture = Some((texture, view));
@@ -74,8 +69,8 @@ impl TexelCopy {
         // Whole rows, then what the last one has.
         let whole = last.min(full).saturating_sub(first);
         let end = if last > full { rest } else { 0 };
-        for (row, size) in [(first, extent(ROW_TEXELS, whole)), (full, extent(end, 1))] {
-            if size.width == 0 || size.height == 0 {
+        for (row, width, height) in [(first, ROW_TEXELS, whole), (full, end, 1)] {
+            if width == 0 || height == 0 {
                 continue;
             }
             encoder.copy_buffer_to_texture(
@@ -93,7 +88,11 @@ impl TexelCopy {
                     origin: wgpu::Origin3d { x: 0, y: row, z: 0 },
                     aspect: wgpu::TextureAspect::All,
                 },
-                size,
+                wgpu::Extent3d {
+                    width,
+                    height,
+                    depth_or_array_layers: 1,
+                },
             );
         }
     }
@@ -133,14 +132,6 @@ fn rows_for(bytes: u64, most: u32) -> u32 {
     let odd = rows.max(3);
     let odd = odd + u32::from(odd.is_power_of_two());
     if odd <= most { odd } else { rows }
-}
-
-fn extent(width: u32, height: u32) -> wgpu::Extent3d {
-    wgpu::Extent3d {
-        width,
-        height,
-        depth_or_array_layers: 1,
-    }
 }
 
 #[cfg(test)]

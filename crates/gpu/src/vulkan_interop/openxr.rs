@@ -19,6 +19,8 @@ use ash::vk::Handle as _;
 use openxr as xr;
 use wgpu::hal::vulkan as hal;
 
+use crate::buffers::flat_texture;
+
 type Vulkan = wgpu::hal::api::Vulkan;
 
 /// What a session is created of.
@@ -264,7 +266,7 @@ pub fn wrap_image(
     device: &wgpu::Device,
     image: u64,
     format: wgpu::TextureFormat,
-    [width, height]: [u32; 2],
+    size: [u32; 2],
     label: &str,
 ) -> Option<wgpu::Texture> {
     let state = if format.is_depth_stencil_format() {
@@ -272,31 +274,17 @@ pub fn wrap_image(
     } else {
         wgpu::TextureUses::COLOR_TARGET
     };
-    let size = wgpu::Extent3d {
-        width,
-        height,
-        depth_or_array_layers: 1,
-    };
+    let descriptor = flat_texture(label, size, format, wgpu::TextureUsages::RENDER_ATTACHMENT);
     let raw_descriptor = wgpu::hal::TextureDescriptor {
         label: None,
-        size,
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
+        size: descriptor.size,
+        mip_level_count: descriptor.mip_level_count,
+        sample_count: descriptor.sample_count,
+        dimension: descriptor.dimension,
         format,
         usage: state,
         memory_flags: wgpu::hal::MemoryFlags::empty(),
         view_formats: Vec::new(),
-    };
-    let descriptor = wgpu::TextureDescriptor {
-        label: Some(label),
-        size,
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-        view_formats: &[],
     };
     // SAFETY: the guard is dropped at the end of this function.
     let open = unsafe { device.as_hal::<Vulkan>() }?;

@@ -1,6 +1,7 @@
 //! Textures that stand in for a runtime's or a window's, and what was drawn into them.
 
 use stereolux_gpu::GpuContext;
+use stereolux_gpu::buffers::flat_texture;
 
 /// A texture that stands in for a runtime's or a window's.
 pub fn target_texture(
@@ -8,23 +9,10 @@ pub fn target_texture(
     size: [u32; 2],
     format: wgpu::TextureFormat,
 ) -> wgpu::TextureView {
-    context
-        .device
-        .create_texture(&wgpu::TextureDescriptor {
-            label: Some("stands in for another's"),
-            size: wgpu::Extent3d {
-                width: size[0],
-                height: size[1],
-                depth_or_array_layers: 1,
-            },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        })
-        .create_view(&wgpu::TextureViewDescriptor::default())
+    let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
+    let descriptor = flat_texture("stands in for another's", size, format, usage);
+    let texture = context.device.create_texture(&descriptor);
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
 }
 
 /// The texture's bytes, rows from the top without padding.
