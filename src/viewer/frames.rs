@@ -127,30 +127,18 @@ pub struct Seen {
 impl Seen {
     /// Keeps what the window needs.
     pub fn of(size: [u32; 2], surfaces: &[SeenSurface]) -> Self {
+        fn each<T>(surfaces: &[SeenSurface], value: impl Fn(&SeenSurface) -> T) -> Vec<T> {
+            surfaces.iter().map(value).collect()
+        }
+        let number = |InstanceId(number)| number;
         Self {
             size,
-            nodes: surfaces
-                .iter()
-                .map(|surface| surface.node.unwrap_or(u32::MAX))
-                .collect(),
-            distances_m: surfaces.iter().map(|surface| surface.distance_m).collect(),
-            instances: surfaces
-                .iter()
-                .map(|surface| {
-                    surface
-                        .instance
-                        .map_or(u32::MAX, |InstanceId(number)| number)
-                })
-                .collect(),
-            albedos: surfaces.iter().map(|surface| surface.albedo).collect(),
-            normals: surfaces
-                .iter()
-                .map(|surface| surface.normal_in_world)
-                .collect(),
-            steps: surfaces
-                .iter()
-                .map(|surface| surface.nodes_visited)
-                .collect(),
+            nodes: each(surfaces, |seen| seen.node.unwrap_or(u32::MAX)),
+            distances_m: each(surfaces, |seen| seen.distance_m),
+            instances: each(surfaces, |seen| seen.instance.map_or(u32::MAX, number)),
+            albedos: each(surfaces, |seen| seen.albedo),
+            normals: each(surfaces, |seen| seen.normal_in_world),
+            steps: each(surfaces, |seen| seen.nodes_visited),
         }
     }
 

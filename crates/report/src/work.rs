@@ -140,21 +140,17 @@ impl WorkRow {
         for row in passes {
             all.scene.clone_from(&row.scene);
             all.method.clone_from(&row.method);
-            for (sum, more) in [
-                (&mut all.dispatches, row.dispatches),
-                (&mut all.threads, row.threads),
-                (&mut all.rays, row.rays),
-                (&mut all.nodes, row.nodes),
-                (&mut all.triangles, row.triangles),
-                (&mut all.photons_tested, row.photons_tested),
-                (&mut all.photons_counted, row.photons_counted),
-                (&mut all.bytes_read, row.bytes_read),
-                (&mut all.bytes_written, row.bytes_written),
-                (&mut all.bytes_walked, row.bytes_walked),
-                (&mut all.instructions, row.instructions),
-            ] {
-                *sum += more;
-            }
+            all.dispatches += row.dispatches;
+            all.threads += row.threads;
+            all.rays += row.rays;
+            all.nodes += row.nodes;
+            all.triangles += row.triangles;
+            all.photons_tested += row.photons_tested;
+            all.photons_counted += row.photons_counted;
+            all.bytes_read += row.bytes_read;
+            all.bytes_written += row.bytes_written;
+            all.bytes_walked += row.bytes_walked;
+            all.instructions += row.instructions;
             for (sum, more) in all.ms.iter_mut().zip(row.ms) {
                 *sum += more;
             }
