@@ -93,10 +93,6 @@ pub const PROFILES: &[Profile] = &[
     },
     Profile {
         path: "/interaction_profiles/valve/index_controller",
-        extension: None,
-        trigger: "trigger/value",
-        squeeze: "squeeze/value",
-        stick: "thumbstick",
         buttons: &[
             (Button::Stick, both("thumbstick/click")),
             (Button::Primary, both("a/click")),
@@ -108,18 +104,16 @@ pub const PROFILES: &[Profile] = &[
             (Button::Primary, both("a/touch")),
             (Button::Secondary, both("b/touch")),
         ],
-        vibrates: true,
         drives: &[
             (Drives::Walk, "/user/hand/left/input/thumbstick"),
             (Drives::Turn, "/user/hand/right/input/thumbstick"),
             (Drives::SwitchReuse, "/user/hand/left/input/a/click"),
             (Drives::Quit, "/user/hand/left/input/b/click"),
         ],
+        ..TOUCH
     },
     Profile {
         path: "/interaction_profiles/htc/vive_controller",
-        extension: None,
-        trigger: "trigger/value",
         squeeze: "squeeze/click",
         stick: "trackpad",
         buttons: &[
@@ -127,32 +121,29 @@ pub const PROFILES: &[Profile] = &[
             (Button::Menu, both("menu/click")),
         ],
         touches: &[(Button::Stick, both("trackpad/touch"))],
-        vibrates: true,
         drives: &[
             (Drives::Walk, "/user/hand/left/input/trackpad"),
             (Drives::Turn, "/user/hand/right/input/trackpad"),
             (Drives::SwitchReuse, "/user/hand/left/input/menu/click"),
             (Drives::Quit, "/user/hand/right/input/menu/click"),
         ],
+        ..TOUCH
     },
     Profile {
         path: "/interaction_profiles/microsoft/motion_controller",
-        extension: None,
-        trigger: "trigger/value",
         squeeze: "squeeze/click",
-        stick: "thumbstick",
         buttons: &[
             (Button::Stick, both("thumbstick/click")),
             (Button::Menu, both("menu/click")),
         ],
         touches: &[],
-        vibrates: true,
         drives: &[
             (Drives::Walk, "/user/hand/left/input/thumbstick"),
             (Drives::Turn, "/user/hand/right/input/thumbstick"),
             (Drives::SwitchReuse, "/user/hand/left/input/menu/click"),
             (Drives::Quit, "/user/hand/right/input/menu/click"),
         ],
+        ..TOUCH
     },
     Profile {
         // Bare hands: fists walk and turn, so that a pinch is the application's alone.
