@@ -351,11 +351,16 @@ impl Switch {
     }
 }
 
-impl From<bool> for Switch {
-    fn from(on: bool) -> Self {
-        if on { Self::On } else { Self::Off }
-    }
+macro_rules! switched {
+    ($($name:ident)+) => {$(
+        impl From<bool> for $name {
+            fn from(on: bool) -> Self {
+                if on { Self::On } else { Self::Off }
+            }
+        }
+    )+};
 }
+switched! { Switch WriteImages Timestamps }
 
 impl From<u32> for AtrousPasses {
     /// More than eight are eight.
@@ -374,18 +379,6 @@ impl AtrousPasses {
             (Self::Auto, Method::Photon) => 2,
             _ => self as u32 - Self::Zero as u32,
         }
-    }
-}
-
-impl From<bool> for WriteImages {
-    fn from(on: bool) -> Self {
-        if on { Self::On } else { Self::Off }
-    }
-}
-
-impl From<bool> for Timestamps {
-    fn from(on: bool) -> Self {
-        if on { Self::On } else { Self::Off }
     }
 }
 
