@@ -315,6 +315,15 @@ fn siblings(scene: &mut Scene, parent: Option<usize>) -> Result<&mut Vec<usize>,
     }
 }
 
+/// Takes a node out of the list in which it stands, and says where it stood.
+fn unlink(scene: &mut Scene, parent: Option<usize>, node: usize) -> Result<usize, EditError> {
+    let siblings = siblings(scene, parent)?;
+    let position = siblings.iter().position(|sibling| *sibling == node);
+    let position = position.ok_or(EditError::Stale)?;
+    siblings.remove(position);
+    Ok(position)
+}
+
 fn new_tail(scene: &Scene, parent: Option<usize>, node: NewNode) -> Result<Tail, EditError> {
     if let Some(parent) = parent {
         check_placed(scene, parent)?;
@@ -460,12 +469,7 @@ fn truncate(scene: &mut Scene, nodes: usize, lights: usize) -> Result<Edit, Edit
         return Err(EditError::Stale);
     }
     let parent = scene.nodes[first].parent;
-    let siblings = siblings(scene, parent)?;
-    let position = siblings
-        .iter()
-        .position(|sibling| *sibling == first)
-        .ok_or(EditError::Stale)?;
-    siblings.remove(position);
+    let position = unlink(scene, parent, first)?;
     Ok(Edit::Append(Box::new(Tail {
         parent,
         position,
@@ -523,12 +527,7 @@ fn delete(scene: &mut Scene, node: usize) -> Result<Edit, EditError> {
         }
     }
     let parent = scene.nodes[node].parent;
-    let siblings = siblings(scene, parent)?;
-    let position = siblings
-        .iter()
-        .position(|sibling| *sibling == node)
-        .ok_or(EditError::Stale)?;
-    siblings.remove(position);
+    let position = unlink(scene, parent, node)?;
     scene.nodes[node].parent = None;
     Ok(Edit::Attach {
         node,
