@@ -28,7 +28,7 @@ use super::worker::{Report, Request, Worker};
 use super::zoom::Zoom;
 use crate::renderer::Inspection;
 use crate::scene::Bounds;
-use crate::scene::edit::{Document, Edit};
+use crate::scene::edit::{Document, Edit, EditError};
 use crate::settings::{EnvironmentSettings, Eyes, Reuse, Settings};
 use crate::xr::{Headset, Pose, View};
 
@@ -487,21 +487,16 @@ impl App {
         self.document.is_in_gesture() && context.input(|input| input.pointer.any_down())
     }
 
-    pub(super) fn undo(&mut self, context: &Context) {
+    /// Goes a step through the document's history: [`Document::undo`] or [`Document::redo`].
+    pub(super) fn step(
+        &mut self,
+        context: &Context,
+        step: fn(&mut Document) -> Result<bool, EditError>,
+    ) {
         if self.is_dragging(context) {
             return;
         }
-        if let Err(error) = self.document.undo() {
-            self.say(context, error.to_string(), true);
-        }
-        self.forget_missing();
-    }
-
-    pub(super) fn redo(&mut self, context: &Context) {
-        if self.is_dragging(context) {
-            return;
-        }
-        if let Err(error) = self.document.redo() {
+        if let Err(error) = step(&mut self.document) {
             self.say(context, error.to_string(), true);
         }
         self.forget_missing();

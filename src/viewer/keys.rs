@@ -8,6 +8,7 @@ use super::gizmo::KEYS;
 use super::panels::paths::Purpose;
 use super::save_files::Saved;
 use super::zoom::Zoom;
+use crate::scene::edit::Document;
 
 /// Keys of views that are kept: with Ctrl and Shift to keep one, with Ctrl to go there.
 const BOOKMARKS: [Key; 5] = [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5];
@@ -111,10 +112,10 @@ impl App {
         let count =
             |modifiers, key| context.input_mut(|input| input.count_and_consume_key(modifiers, key));
         for _ in 0..count(shifted, Key::Z) + count(command, Key::Y) {
-            self.redo(context);
+            self.step(context, Document::redo);
         }
         for _ in 0..count(command, Key::Z) {
-            self.undo(context);
+            self.step(context, Document::undo);
         }
         if context.input_mut(|input| input.consume_key(Modifiers::NONE, Key::T)) {
             self.screenshot();

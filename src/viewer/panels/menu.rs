@@ -4,6 +4,7 @@ use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{Button, ComboBox, DragValue, MenuBar, Panel, PopupCloseBehavior, Slider, Ui};
 
 use crate::scene::builtin;
+use crate::scene::edit::Document;
 use crate::settings::{Choice as _, Switch, Tone};
 use crate::viewer::app::{App, WindowCommand};
 use crate::viewer::frames::ViewMode;
@@ -215,12 +216,12 @@ fn edit(app: &mut App, ui: &mut Ui) {
     let undo = labelled("Undo", app.document.undo_label());
     let can_undo = app.document.undo_label().is_some();
     if entry(ui, can_undo, &undo, "Ctrl+Z") {
-        app.undo(&context);
+        app.step(&context, Document::undo);
     }
     let redo = labelled("Redo", app.document.redo_label());
     let can_redo = app.document.redo_label().is_some();
     if entry(ui, can_redo, &redo, "Ctrl+Shift+Z") {
-        app.redo(&context);
+        app.step(&context, Document::redo);
     }
     ui.separator();
     for step in app
