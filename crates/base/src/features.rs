@@ -69,6 +69,7 @@ features! {
     Scene {
         glossy: "gloss and metal",
         dielectric: "glass",
+        thin_walls: "panes of glass",
         textures: "textures",
         base_color_maps: "base colour textures",
         metallic_roughness_maps: "textures of metalness and roughness",

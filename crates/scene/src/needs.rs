@@ -98,6 +98,8 @@ pub struct Needs {
     pub glossy: bool,
     /// Any surface that lets light through as glass does.
     pub dielectric: bool,
+    /// Any of them a thin wall.
+    pub thin_walls: bool,
     /// `static`, `node`, `skin` or `morph`: what the file describes.
     pub motion: &'static str,
     /// Names of the animations, for `animation.clip`.
@@ -260,6 +262,7 @@ impl Needs {
         // A user's model brings code of its own and needs none of the layer's.
         self.glossy |= !material.is_lambert() && material.user_bsdf == 0;
         self.dielectric |= material.is_dielectric() && material.user_bsdf == 0;
+        self.thin_walls |= material.is_thin_wall() && material.user_bsdf == 0;
         if !material.is_lambert() {
             self.not_lambert.push(material.name.clone());
         }
@@ -281,6 +284,7 @@ impl Needs {
         let reasons = PerFeature {
             glossy: Some(not_glossy),
             dielectric: Some("no surface is transmissive"),
+            thin_walls: Some("no glass is a thin wall"),
             textures: Some("no material has a texture"),
             normal_maps: Some("no material has a normal texture"),
             alpha: Some("no surface has alpha mask or blend"),
@@ -310,6 +314,7 @@ impl Needs {
         let mut both = self.clone();
         both.glossy |= part.glossy;
         both.dielectric |= part.dielectric;
+        both.thin_walls |= part.thin_walls;
         both.textures_by_use.extend(&part.textures_by_use);
         both.uv1 |= part.uv1;
         both.normal_maps |= part.normal_maps;
@@ -333,6 +338,7 @@ impl Needs {
         ShaderFeatures {
             glossy: self.glossy,
             dielectric: self.dielectric,
+            thin_walls: self.thin_walls,
             textures: !self.textures_by_use.is_empty(),
             base_color_maps: self.has_textures("base_color"),
             metallic_roughness_maps: self.has_textures("metallic_roughness"),

@@ -262,7 +262,7 @@ impl PackedLights {
         self.emitters
             .iter_mut()
             .flatten()
-            .for_each(Emitter::to_rest);
+            .for_each(Emitter::lie_at_rest);
         if self.environment.is_some() {
             let record = scene_box.shone_through(Light {
                 kind: LIGHT_ENVIRONMENT,

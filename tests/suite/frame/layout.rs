@@ -265,7 +265,7 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
         ),
         (
             "shared/material_types",
-            named!(material: MATERIAL_DOUBLE_SIDED, MATERIAL_ALPHA_MASK, MATERIAL_ALPHA_BLEND, TEXTURE_UV1_BIT,
+            named!(material: MATERIAL_DOUBLE_SIDED, MATERIAL_ALPHA_MASK, MATERIAL_ALPHA_BLEND, MATERIAL_THIN_WALL, TEXTURE_UV1_BIT,
                 TEXTURE_LEVELS_SHIFT, TEXTURE_WRAP_MIRROR, TEXTURE_WRAP_CLAMP, TEXTURE_NEAREST_BIT),
         ),
         (

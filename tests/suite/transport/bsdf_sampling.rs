@@ -81,7 +81,7 @@ fn test_against(
 }
 
 fn glossy_probe<'a>(context: &'a GpuContext, materials: &[Material]) -> BsdfProbe<'a> {
-    BsdfProbe::embedded(context, &["glossy", "dielectric"], materials)
+    BsdfProbe::embedded(context, &["glossy", "dielectric", "thin_walls"], materials)
 }
 
 fn cases() -> Vec<(&'static str, Material, u32)> {

@@ -336,11 +336,11 @@ fn compare(on: &[&str], materials: &[Material], is_glass_on: bool) -> f64 {
 fn shaders_equal_the_f64_twin() {
     let mut dice = Dice::new(1);
     let material = |index: usize| Material {
-        is_open: index % 3 == 0,
+        is_open: index.is_multiple_of(3),
         ..dice.material()
     };
     let materials: Vec<Material> = (0..400).map(material).collect();
-    let worst = compare(&["glossy", "dielectric"], &materials, true);
+    let worst = compare(&["glossy", "dielectric", "thin_walls"], &materials, true);
     // A bound a hundred times too wide would prove nothing.
     assert!(
         worst > 0.01,
@@ -414,7 +414,11 @@ fn reflection_is_reciprocal() {
             ..dice.material()
         })
         .collect();
-    let probe = BsdfProbe::embedded(&context, &["glossy", "dielectric"], &materials);
+    let probe = BsdfProbe::embedded(
+        &context,
+        &["glossy", "dielectric", "thin_walls"],
+        &materials,
+    );
     let random = |index: usize| {
         let wo = dice.direction(false);
         BsdfQuery::pair(wo, index / 50, dice.direction(false), 0)

@@ -55,7 +55,7 @@ impl Emitter {
     }
 
     /// As the mesh has it, whatever pose it was in.
-    pub(super) fn to_rest(&mut self) {
+    pub(super) fn lie_at_rest(&mut self) {
         self.now = self.at_rest;
     }
 }
