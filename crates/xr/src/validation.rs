@@ -127,8 +127,8 @@ pub fn check_fov(fov: &Fov) -> Result<(), Fault> {
 pub const MAX_COORDINATE_M: f64 = 1e9;
 
 pub(super) fn check_position(position: DVec3) -> Result<(), Fault> {
-    // A NaN fails.
-    if position.abs().max_element() <= MAX_COORDINATE_M {
+    // A NaN fails, unlike by the greatest element.
+    if position.abs().cmple(DVec3::splat(MAX_COORDINATE_M)).all() {
         return Ok(());
     }
     let shown = format!("{position} is not within {MAX_COORDINATE_M:e} m of the origin");
