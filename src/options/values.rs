@@ -8,9 +8,7 @@ use glam::{DQuat, DVec3};
 use super::quoted;
 use crate::settings::Choice;
 use crate::xr::headset::MAX_IPD_M;
-use crate::xr::validation::{
-    MAX_COORDINATE_M, MAX_FOV_ANGLE_DEG, QUATERNION_LENGTH_TOLERANCE, unit_quaternion,
-};
+use crate::xr::validation::{MAX_FOV_ANGLE_DEG, QUATERNION_LENGTH_TOLERANCE, unit_quaternion};
 use crate::xr::{Fov, Pose, TraceBody};
 
 /// Words as a flag takes them, each with its sentence in the help.
@@ -102,6 +100,9 @@ pub(super) fn trace_body(text: &str) -> Result<TraceBody, String> {
             .map(TraceBody::Quaternion),
     }
 }
+
+/// Largest coordinate of a head position in metres.
+const MAX_COORDINATE_M: f64 = 1e9;
 
 /// Exactly `N` finite numbers, separated by blanks or commas.
 fn numbers<const N: usize>(text: &str, names: &str) -> Result<[f64; N], String> {
