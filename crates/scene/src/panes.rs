@@ -16,7 +16,8 @@ const OPEN_SHARE: f64 = 0.01;
 /// Connected triangles of such glass make a surface. Work in proportion to all triangles.
 pub fn open_materials(materials: &[Material], meshes: &[Mesh]) -> Vec<bool> {
     let mut excess = vec![0.0; materials.len()];
-    for mesh in meshes {
+    let has_thin = materials.iter().any(Material::may_be_thin);
+    for mesh in meshes.iter().filter(|_| has_thin) {
         let triangles = mesh.triangles.iter().map(|t| (t.material as usize, t));
         let glass: Vec<_> = triangles
             .filter(|(material, _)| materials.get(*material).is_some_and(Material::may_be_thin))
