@@ -84,6 +84,9 @@ pub enum BenchError {
         /// The system's words.
         reason: String,
     },
+    /// A journal that cannot be gone on with.
+    #[error("--out: {0}")]
+    Journal(ReportError),
     /// The journal, the report, or another file.
     #[error(transparent)]
     Report(#[from] ReportError),
@@ -179,8 +182,8 @@ pub fn run(
     let machine = machine_of(&GpuContext::open(Some(&settings.adapter))?.adapter);
     let out = options.out.as_path();
     make_folder(out)?;
+    let journal = open_journal(out)?;
     let folder = references_folder(options)?;
-    let journal = Journal::open(&out.join("journal.jsonl"))?;
     let references = References::open(
         &folder,
         suites::reference_samples(options),
@@ -225,6 +228,10 @@ fn make_folder(path: &Path) -> Result<(), BenchError> {
         path: path.to_owned(),
         reason: error.to_string(),
     })
+}
+
+fn open_journal(out: &Path) -> Result<Journal, BenchError> {
+    Journal::open(&out.join("journal.jsonl")).map_err(BenchError::Journal)
 }
 
 /// The folder of the references, made.
@@ -276,11 +283,11 @@ fn take_part(plans: &mut Vec<GroupPlan>, [number, of]: [u32; 2]) -> Part {
 /// Joins the reports and journals of a suite's parts, so that the suite's own command finds all of it measured.
 ///
 /// # Errors
-/// [`BenchError::Report`], [`BenchError::Out`].
+/// [`BenchError::Report`], [`BenchError::Out`], [`BenchError::Journal`].
 pub fn merge(reports: &[(PathBuf, String)], out: &Path) -> Result<Outcome, BenchError> {
     let (head, rows) = join(reports)?;
     make_folder(out)?;
-    Journal::open(&out.join("journal.jsonl"))?.append(&rows)?;
+    open_journal(out)?.append(&rows)?;
     let report = Report {
         head,
         part: None,

@@ -224,6 +224,7 @@ impl From<crate::bench::BenchError> for Failure {
             BenchError::Render(error) => error.into(),
             BenchError::Shaders(_)
             | BenchError::Out { .. }
+            | BenchError::Journal(_)
             | BenchError::Report(ReportError::Part { .. }) => Self::unusable(error),
             BenchError::Metrics(_)
             | BenchError::Image(_)

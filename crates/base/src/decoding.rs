@@ -9,6 +9,15 @@ use image::{DynamicImage, ImageDecoder as _, ImageFormat, ImageReader, Limits};
 
 use crate::limits::product;
 
+/// A file's bytes with a signature that decoders know: some Radiance files begin with `#?RGBE`.
+#[must_use]
+pub fn with_known_signature(bytes: Vec<u8>) -> Vec<u8> {
+    match bytes.strip_prefix(b"#?RGBE\n") {
+        Some(rest) => [b"#?RADIANCE\n", rest].concat(),
+        None => bytes,
+    }
+}
+
 /// An image file whose header makes sense.
 pub struct Encoded<'a> {
     bytes: &'a [u8],

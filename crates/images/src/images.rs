@@ -3,16 +3,16 @@
 //! Rows run from the top, pixels from the left. Files are written beside their place and then renamed, so that a
 //! reader never sees half of one.
 
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
 use exr::meta::MetaData;
-use exr::meta::header::Header;
 use image::{ImageEncoder as _, ImageFormat};
 
 use crate::exr_file::ExrFile;
-use stereolux_base::decoding::Encoded;
+use stereolux_base::decoding::{Encoded, with_known_signature};
 use stereolux_base::files::{self, write_beside};
 use stereolux_base::limits::{LoadBudget, OverBudget};
 use stereolux_base::printable;
@@ -258,6 +258,7 @@ impl<'a> ImageFile<'a> {
             path: path.to_owned(),
             reason,
         })?;
+        let bytes = with_known_signature(bytes);
         let known = [
             ImageFormat::OpenExr,
             ImageFormat::Hdr,
@@ -305,15 +306,12 @@ impl<'a> ImageFile<'a> {
         let Ok(meta) = MetaData::read_from_buffered(&*self.bytes, false) else {
             return Ok(());
         };
-        let views = |header: &Header| {
-            header
-                .own_attributes
-                .multi_view_names
-                .as_ref()
-                .map_or(0, Vec::len)
-        };
-        if meta.headers.iter().map(views).max() > Some(1) {
-            let reason = "it holds several views, of which one would be read; write them with output.layout=files";
+        // In one part that names them, or each in a part of its own.
+        let own = || meta.headers.iter().map(|header| &header.own_attributes);
+        let listed = own().filter_map(|own| own.multi_view_names.as_ref());
+        let views: HashSet<_> = own().filter_map(|own| own.view_name.as_ref()).collect();
+        if listed.map(Vec::len).max() > Some(1) || views.len() > 1 {
+            let reason = "it holds several views, of which one would be read; give one file per view (output.layout=files)";
             return Err(undecodable(self.path, reason));
         }
         Ok(())

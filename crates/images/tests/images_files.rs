@@ -21,6 +21,18 @@ fn sample() -> ImageRgb {
     Image::new(7, 5, pixels).unwrap()
 }
 
+/// Radiance files have two signatures.
+#[test]
+fn radiance_files_are_read_by_either_name() {
+    let scratch = Folder::new("images-hdr");
+    for name in ["RADIANCE", "RGBE"] {
+        let head = format!("#?{name}\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n");
+        let path = scratch.write("a.hdr", [head.as_bytes(), &[128, 64, 32, 129]].concat());
+        // Mantissa / 256 * 2^(exponent - 128).
+        assert_eq!(read_image(&path).unwrap().pixels, [[1.0, 0.5, 0.25]]);
+    }
+}
+
 #[test]
 fn exr_reads_back_bit_for_bit_and_repeats_byte_for_byte() {
     let scratch = Folder::new("images-exr");

@@ -6,7 +6,7 @@ use image::ImageFormat;
 
 use super::builtin::PREFIX;
 use super::{SceneError, surroundings};
-use stereolux_base::decoding::Encoded;
+use stereolux_base::decoding::{Encoded, with_known_signature};
 use stereolux_base::files;
 use stereolux_base::limits::{LoadBudget, OverBudget};
 use stereolux_base::printable;
@@ -91,12 +91,9 @@ pub fn load_environment_within(
     if let Some(name) = path.to_str().and_then(|path| path.strip_prefix(PREFIX)) {
         return Ok((surroundings::environment(name, strength)?, Vec::new()));
     }
-    let mut bytes =
+    let bytes =
         files::load_regular(path, budget).map_err(|reason| SceneError::read(path, reason))?;
-    // The decoder knows the format's own name alone.
-    if let Some(rest) = bytes.strip_prefix(b"#?RGBE\n") {
-        bytes = [b"#?RADIANCE\n", rest].concat();
-    }
+    let bytes = with_known_signature(bytes);
     let format = if bytes.starts_with(b"#?") {
         ImageFormat::Hdr
     } else if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {

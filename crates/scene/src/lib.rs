@@ -426,14 +426,19 @@ impl Scene {
         let children = self.nodes.get(node).map_or(&[][..], |node| &node.children);
         let below = self.below(children, *world_from_node, |_| true);
         let placed = std::iter::once((node, *world_from_node)).chain(below);
+        let rest = self.rest_pose();
         let boxes = placed.filter_map(|(index, world_from_node)| {
             let mesh = self.meshes.get(self.nodes.get(index)?.mesh?)?;
-            // Its joints place it.
-            if self.skin_of(index).is_some() {
-                return Bounds::of_points(self.positions_in_world(index, mesh, &self.rest_pose()));
-            }
-            let positions = mesh.positions.iter().map(|position| as_dvec3(*position));
-            Bounds::of_points(positions.map(|position| world_from_node.transform_point3(position)))
+            let deformation = self.deformation(index, &rest);
+            let world_from_object = match self.skin_of(index) {
+                // Its joints place it.
+                Some(_) => deformation.world_from_object,
+                None => world_from_node,
+            };
+            let positions = deformation.positions(mesh).into_iter();
+            Bounds::of_points(
+                positions.map(|position| world_from_object.transform_point3(position)),
+            )
         });
         Bounds::around(boxes).map_or(world_from_node.translation, |bounds| bounds.center())
     }

@@ -6,16 +6,19 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::{Material, Mesh};
+use super::{Material, Mesh, as_dvec3};
 
 /// A surface is open if more than this share of its area faces one way without as much that faces the other: over a closed one
 /// the vectors of area sum to 0 (divergence theorem). A ball without a cap of a fifth of its diameter is left with 0.04.
 const OPEN_SHARE: f64 = 0.01;
 
-/// For each material whether most of its area belongs to open surfaces; false for all but glass without a thickness.
-/// Connected triangles of such glass make a surface. Work in proportion to all triangles.
-pub fn open_materials(materials: &[Material], meshes: &[Mesh]) -> Vec<bool> {
-    let mut excess = vec![0.0; materials.len()];
+/// Or if it encloses less than this times its area^1.5, as a quad with a back of its own does. A sheet of 1 m^2 and 1 mm has 3.5e-4.
+const FLAT_SHARE: f64 = 1e-6;
+
+/// For each material whether most of its area belongs to open surfaces; none for all but glass without a thickness that has an
+/// area. Connected triangles of such glass make a surface. Work in proportion to all triangles.
+pub fn open_materials(materials: &[Material], meshes: &[Mesh]) -> Vec<Option<bool>> {
+    let mut areas = vec![[0.0; 2]; materials.len()];
     let has_thin = materials.iter().any(Material::may_be_thin);
     for mesh in meshes.iter().filter(|_| has_thin) {
         let triangles = mesh.triangles.iter().map(|t| (t.material as usize, t));
@@ -27,22 +30,32 @@ pub fn open_materials(materials: &[Material], meshes: &[Mesh]) -> Vec<bool> {
             })
             .collect();
         let surfaces = surfaces(mesh, glass.iter().map(|(_, vertices, _)| *vertices));
-        let mut sums = vec![(DVec3::ZERO, 0.0); glass.len()];
-        for ((_, _, vector), surface) in glass.iter().zip(&surfaces) {
-            sums[*surface].0 += *vector;
-            sums[*surface].1 += vector.length();
+        let mut sums = vec![(DVec3::ZERO, 0.0, 0.0); glass.len()];
+        for ((_, vertices, vector), surface) in glass.iter().zip(&surfaces) {
+            let place = |vertices: &[u32; 3]| as_dvec3(mesh.positions[vertices[0] as usize]);
+            let (sum, area, volume) = &mut sums[*surface];
+            *sum += *vector;
+            *area += vector.length();
+            // About a corner of the surface.
+            *volume += (place(vertices) - place(&glass[*surface].1)).dot(*vector) / 3.0;
         }
         for ((material, _, vector), surface) in glass.iter().zip(&surfaces) {
-            let (sum, area) = sums[*surface];
-            let is_open = sum.length() > OPEN_SHARE * area;
-            excess[*material] += if is_open {
-                vector.length()
-            } else {
-                -vector.length()
-            };
+            let (sum, area, volume) = sums[*surface];
+            let is_flat = volume.abs() < FLAT_SHARE * area.powf(1.5);
+            let is_open = is_flat || sum.length() > OPEN_SHARE * area;
+            areas[*material][usize::from(is_open)] += vector.length();
         }
     }
-    excess.into_iter().map(|excess| excess > 0.0).collect()
+    let is_open = |[closed, open]: [f64; 2]| (closed + open > 0.0).then_some(open > closed);
+    areas.into_iter().map(is_open).collect()
+}
+
+/// Says of all materials whether they are open, after a change of `meshes` or of what is glass.
+pub fn find_open(materials: &mut [Material], meshes: &[Mesh]) {
+    let open = open_materials(materials, meshes);
+    for (material, is_open) in materials.iter_mut().zip(open) {
+        material.is_open = is_open == Some(true);
+    }
 }
 
 /// For each triangle the first one of those that it is connected with. Vertices in one place are one.
@@ -75,7 +88,8 @@ fn root(parents: &mut [usize], mut at: usize) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::super::MeshTriangle;
+    use super::super::edit::Edit;
+    use super::super::{MeshTriangle, Scene};
     use super::*;
 
     /// Quads by their corners, in turn.
@@ -116,7 +130,7 @@ mod tests {
             ..glass.clone()
         };
         let is_open = |glass: &Material, meshes: &[Mesh]| {
-            open_materials(&[Material::default(), glass.clone()], meshes)[1]
+            open_materials(&[Material::default(), glass.clone()], meshes)[1] == Some(true)
         };
         let body = faces([1.0, 2.0, 0.5]);
         assert!(!is_open(&glass, &[mesh(&body, 1)]));
@@ -134,11 +148,34 @@ mod tests {
         });
         let apart: Vec<_> = apart.collect();
         assert!(is_open(&glass, &[mesh(&apart, 1)]));
+        assert_eq!(open_materials(&[glass.clone()], &[]), [None]);
+        // A pane with a back of its own encloses nothing, a sheet of a millimetre does.
+        let front = body[0];
+        let back = [front[0], front[3], front[2], front[1]];
+        assert!(is_open(&glass, &[mesh(&[front, back], 1)]));
+        assert!(!is_open(&glass, &[mesh(&faces([1.0, 1.0, 1e-3]), 1)]));
         // The greater part decides.
         assert!(!is_open(&glass, &[mesh(&body, 1), mesh(&apart[1..2], 1)]));
         assert!(is_open(
             &glass,
             &[mesh(&body, 1), mesh(&apart, 1), mesh(&apart, 1)]
         ));
+        // A body that gets a material of its own is solid at once, and open again with the others.
+        let mut scene = Scene {
+            materials: vec![glass],
+            meshes: vec![mesh(&apart, 0), mesh(&apart, 0), mesh(&body, 0)],
+            ..Scene::default()
+        };
+        find_open(&mut scene.materials, &scene.meshes);
+        let own = Edit::OwnMaterial {
+            mesh: 2,
+            material: 0,
+        };
+        let back = own.apply(&mut scene).unwrap();
+        let is_open =
+            |scene: &Scene| -> Vec<bool> { scene.materials.iter().map(|m| m.is_open).collect() };
+        assert_eq!(is_open(&scene), [true, false]);
+        back.apply(&mut scene).unwrap();
+        assert_eq!(is_open(&scene), [true]);
     }
 }

@@ -112,6 +112,21 @@ fn an_interrupted_suite_says_how_to_go_on() {
     assert_eq!(report.rows().len(), lines(&journal));
 }
 
+/// A folder in which another suite writes is an unusable argument, of which nothing is used.
+#[cfg(unix)]
+#[test]
+fn a_folder_of_another_suite_is_refused() {
+    let folder = Folder::new("bench-taken");
+    let out = folder.join("report");
+    std::fs::create_dir(&out).unwrap();
+    let journal = std::fs::File::create(out.join("journal.jsonl")).unwrap();
+    journal.lock().unwrap();
+    let output = run_into(&out, SMOKE, &[]);
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert_says(&stderr(&output), &["--out", "another suite writes to it"]);
+    assert_eq!(std::fs::read_dir(&out).unwrap().count(), 1);
+}
+
 /// Killed after its first rows, with a line cut off at that, the suite goes on where it stopped; its files are all there,
 /// whole, and say the same.
 #[test]

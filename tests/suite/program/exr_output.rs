@@ -3,10 +3,15 @@
 use std::path::Path;
 
 use exr::meta::attribute::AttributeValue;
-use exr::prelude::{FlatSamples, read_all_flat_layers_from_file};
+use exr::prelude::{
+    Encoding, FlatSamples, Image, ImageAttributes, IntegerBounds, Layer, LayerAttributes,
+    SpecificChannels, Text, WritableImage, read_all_flat_layers_from_file,
+};
 use glam::{DMat4, DQuat, DVec3, DVec4};
 
-use crate::suite::support::{Folder, assert_success, json, run_into, stats, words};
+use crate::suite::support::{
+    Folder, assert_says, assert_success, json, run_into, stats, stderr, stereolux, words,
+};
 
 const POSE: &str = "-0.2 0.3 0.9 0 0.1736482 0 0.9848078";
 const SIZE: [usize; 2] = [24, 18];
@@ -186,4 +191,28 @@ fn half_floats_and_one_file_for_both_eyes_hold_the_same_pixels() {
     let views = meta.headers[0].own_attributes.multi_view_names.as_ref();
     let views = views.unwrap().iter().map(ToString::to_string);
     assert!(views.eq(["left", "right"]));
+
+    // Neither such a file is compared by one of its views, nor one that has them in parts of their own.
+    let parts = folder.join("parts.exr");
+    let part = |view: &str| {
+        let attributes = LayerAttributes {
+            view_name: Some(Text::from(view)),
+            ..LayerAttributes::named(view)
+        };
+        let pixels = SpecificChannels::rgb(|_| (0.5f32, 0.5f32, 0.5f32));
+        Layer::new((4, 4), attributes, Encoding::UNCOMPRESSED, pixels)
+    };
+    let bounds = IntegerBounds::from_dimensions((4, 4));
+    Image::empty(ImageAttributes::new(bounds))
+        .with_layer(part("left"))
+        .with_layer(part("right"))
+        .write()
+        .to_file(&parts)
+        .unwrap();
+    for path in [both.join("frame_0000.exr"), parts] {
+        let path = path.to_str().unwrap();
+        let output = stereolux(&["compare", path, path]);
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+        assert_says(&stderr(&output), &["several views"]);
+    }
 }

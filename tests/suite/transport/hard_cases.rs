@@ -276,7 +276,8 @@ fn absorbing_glass(absorbs: bool) -> Material {
 /// A white wall inside a block of absorbing glass that does not bend light, lit from inside it.
 ///
 /// Eye at the origin, block from z = -1 to -5, wall at z = -3 facing the eye, lamp at z = -2: light of radiance
-/// albedo / pi times I cos / d^2, times exp(-absorption (d + way from the block's front to the wall)).
+/// albedo / pi times I cos / d^2, times exp(-absorption (d + way from the block's front to the wall)). A clear pane in the block, at
+/// z = -1.5, takes the body from no ray.
 #[test]
 fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
     const INTENSITY: f32 = 7.0;
@@ -286,9 +287,18 @@ fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
         .map(|corners| corners.map(|p| p * 2.0 - DVec3::Z * 3.0))
         .collect();
     let wall = square_ahead(1.9, 3.0);
-    let lit = |absorbs: bool| {
+    let pane = square_ahead(1.9, 1.5);
+    let turned: Vec<Triangle> = pane.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+    let lit = |absorbs: bool, pane: Option<&[Triangle]>| {
         let mut scene = Scene::default();
         add(&mut scene, &block, absorbing_glass(absorbs));
+        if let Some(pane) = pane {
+            let clear = Material {
+                is_open: true,
+                ..absorbing_glass(false)
+            };
+            add(&mut scene, pane, clear);
+        }
         let white = Material::lambert("wall", [ALBEDO as f32; 3]);
         add(&mut scene, &wall, white);
         add_point_light(&mut scene, DVec3::new(0.2, 0.1, -2.0), INTENSITY);
@@ -312,10 +322,16 @@ fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
             .collect()
     };
     for kind in [Method::Photon, Method::Path] {
-        // Eye, glass, wall, lamp: three segments, so nothing but this light.
-        let settings = settings_of(kind, Technique::Mis, 3, 1);
-        for absorbs in [true, false] {
-            let found = &images(&lit(absorbs), &settings, [24, 24], &views)[0];
+        for (absorbs, pane) in [
+            (true, None),
+            (false, None),
+            (true, Some(&pane[..])),
+            (true, Some(&turned[..])),
+        ] {
+            // Eye, glass, wall, lamp: three segments, four with a pane, so nothing but this light.
+            let depth = if pane.is_some() { 4 } else { 3 };
+            let settings = settings_of(kind, Technique::Mis, depth, 1);
+            let found = &images(&lit(absorbs, pane), &settings, [24, 24], &views)[0];
             // Some 50 operations at 2^-24, exponentials of up to 8 with an error of 2^-22 in their argument.
             let off = worst(found, &expected(absorbs));
             assert!(off < 1e-4, "{kind:?}, absorbing {absorbs}: {off:e}");

@@ -32,11 +32,11 @@ impl Edit {
             Self::Material { material, to } => {
                 check_material(scene, &to)?;
                 let slot = entry(&mut scene.materials, "material", material)?;
-                let may_be_thin = to.may_be_thin() && !slot.may_be_thin();
                 let before = std::mem::replace(slot, *to);
-                if may_be_thin {
-                    let open = panes::open_materials(&scene.materials, &scene.meshes);
-                    scene.materials[material].is_open = open[material];
+                // The shapes say it, not who edits. Most edits change a number of what is glass anyway.
+                slot.is_open = slot.may_be_thin() && before.is_open;
+                if slot.may_be_thin() && !before.may_be_thin() {
+                    panes::find_open(&mut scene.materials, &scene.meshes);
                 }
                 Ok(Self::Material {
                     material,
@@ -279,7 +279,13 @@ fn own_material(scene: &mut Scene, mesh: usize, material: usize) -> Result<Edit,
     }
     data.repainted.push([from, to]);
     scene.materials.push(copy);
+    find_open_again(scene);
     Ok(Edit::SharedMaterial { mesh })
+}
+
+/// After triangles have changed materials.
+fn find_open_again(scene: &mut Scene) {
+    panes::find_open(&mut scene.materials, &scene.meshes);
 }
 
 fn shared_material(scene: &mut Scene, mesh: usize) -> Result<Edit, EditError> {
@@ -289,8 +295,16 @@ fn shared_material(scene: &mut Scene, mesh: usize) -> Result<Edit, EditError> {
         return Err(EditError::Stale);
     };
     // The copy must still be one, or the inverse would not bring it back.
+    let [original, copy] = [from, to].map(|index| scene.materials.get(index as usize));
     let is_copy = to as usize + 1 == materials
-        && scene.materials.get(from as usize) == scene.materials.get(to as usize);
+        && original.zip(copy).is_some_and(|(original, copy)| {
+            let is_open = copy.is_open;
+            *copy
+                == Material {
+                    is_open,
+                    ..original.clone()
+                }
+        });
     if !is_copy {
         return Err(EditError::Stale);
     }
@@ -301,6 +315,7 @@ fn shared_material(scene: &mut Scene, mesh: usize) -> Result<Edit, EditError> {
         }
     }
     scene.materials.pop();
+    find_open_again(scene);
     Ok(Edit::OwnMaterial {
         mesh,
         material: from as usize,

@@ -53,8 +53,8 @@ impl Library {
     pub fn find_panes(&mut self, meshes: &[Mesh], notes: &mut Notes) {
         let open = panes::open_materials(&self.materials, meshes);
         for ((index, material), is_open) in self.materials.iter_mut().enumerate().zip(open) {
-            material.is_open = is_open;
-            if material.may_be_thin() && !is_open {
+            material.is_open = is_open == Some(true);
+            if is_open == Some(false) {
                 notes.warn(format_args!(
                     "materials[{index}] '{}': transmission without a thickness (KHR_materials_volume) is a thin wall by the \
                      standard; its surfaces are closed, so here it is solid glass",

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::super::gltf_writer::{number, numbers};
 use super::super::{AlphaMode, Material, Scene, SceneError, TextureRef};
-use super::{Original, entry, extension, factor_and_strength, list_mut, note_used, remove};
+use super::{Original, entry, extension, factor_and_strength, list_mut, note_used, remove, whole};
 
 const STRENGTH: &str = "KHR_materials_emissive_strength";
 const IOR: &str = "KHR_materials_ior";
@@ -68,10 +68,7 @@ pub fn patch(root: &mut Value, original: &Original, scene: &Scene) -> Result<(),
     }
     for (mesh, value) in scene.meshes.iter().zip(list_mut(root, "meshes")) {
         for primitive in primitives(value) {
-            let mut material = primitive
-                .get("material")
-                .and_then(Value::as_u64)
-                .unwrap_or(in_file as u64);
+            let mut material = whole(primitive, "material").unwrap_or(in_file as u64);
             let was = material;
             for [from, to] in &mesh.repainted {
                 if material == u64::from(*from) {

@@ -112,6 +112,14 @@ fn is_compression(extension: &str) -> bool {
     extension.ends_with("_meshopt_compression")
 }
 
+/// A number that was read as an integer; it may be written as 1.0 (glTF 2.0, section 2.7).
+fn whole(object: &Value, key: &str) -> Option<u64> {
+    let value = object.get(key)?;
+    value
+        .as_u64()
+        .or_else(|| value.as_f64().map(|value| value as u64))
+}
+
 /// Gathers all buffers, and images that lie in other files, into one buffer.
 fn embed(root: &mut Value, buffers: &[Buffer<'_>], images: Vec<Option<Vec<u8>>>) -> Vec<u8> {
     let mut bin = Vec::new();
@@ -129,13 +137,13 @@ fn embed(root: &mut Value, buffers: &[Buffer<'_>], images: Vec<Option<Vec<u8>>>)
         if let Some(extensions) = view.get_mut("extensions").and_then(Value::as_object_mut) {
             extensions.retain(|name, _| !is_compression(name));
         }
-        let buffer = view.get("buffer").and_then(Value::as_u64).unwrap_or(0) as usize;
+        let buffer = whole(view, "buffer").unwrap_or(0) as usize;
         let start = starts.get(buffer).copied().unwrap_or_default();
         if buffer > 0 {
             view["buffer"] = json!(0);
         }
         if start > 0 {
-            let offset = view.get("byteOffset").and_then(Value::as_u64).unwrap_or(0);
+            let offset = whole(view, "byteOffset").unwrap_or(0);
             view["byteOffset"] = json!(offset + start as u64);
         }
     }

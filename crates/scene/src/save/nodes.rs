@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::super::gltf_writer::{number, numbers, put_light_kind};
 use super::super::{Node, PunctualLight, Scene};
-use super::{Original, entry, extension, factor_and_strength, list_mut, note_used, remove};
+use super::{Original, entry, extension, factor_and_strength, list_mut, note_used, remove, whole};
 
 const VISIBILITY: &str = "KHR_node_visibility";
 const LIGHTS: &str = "KHR_lights_punctual";
@@ -44,7 +44,7 @@ pub fn patch(root: &mut Value, original: &Original, scene: &Scene) {
         root["scene"] = json!(0);
     }
     if scene.roots != original.roots {
-        let chosen = root.get("scene").and_then(Value::as_u64).unwrap_or(0) as usize;
+        let chosen = whole(root, "scene").unwrap_or(0) as usize;
         if let Some(shown) = list_mut(root, "scenes").get_mut(chosen) {
             set_list(shown, "nodes", &scene.roots);
         }

@@ -2,7 +2,7 @@
 
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use serde_json::{Value, json};
-use stereolux_scene::edit::Edit;
+use stereolux_scene::edit::{Edit, MaterialPreset};
 use stereolux_scene::{AlphaMode, Filter, LightKind, Material, Needs, Scene, Wrap};
 
 use crate::folders::Folder;
@@ -150,11 +150,24 @@ fn open_glass_without_a_thickness_is_a_thin_wall() {
             .apply(&mut scene)
             .unwrap();
         assert!(scene.materials[0].is_thin_wall());
+        // Nor does it hang on who says what glass is.
+        let to = Box::new(MaterialPreset::Glass.applied_to(&scene.materials[0]));
+        let other = Edit::Material { material: 0, to };
+        let pane = scene.materials[0].clone();
+        let back = other.apply(&mut scene).unwrap();
+        assert!(scene.materials[0] != pane && scene.materials[0].is_thin_wall());
+        back.apply(&mut scene).unwrap();
+        assert_eq!(scene.materials[0], pane);
         undo.apply(&mut scene).unwrap();
         assert_eq!(scene.materials[0], Material::lambert("wall", [0.5; 3]));
     }
     let thick = glass(json!({ "thicknessFactor": 0.1 })).load().unwrap();
     assert!(!thick.materials[0].is_thin_wall());
+    // What has no surface is nothing to warn of.
+    let mut unused = glass(Value::Null);
+    let primitive = &mut unused.json["meshes"][0]["primitives"][0];
+    primitive.as_object_mut().unwrap().remove("material");
+    assert_eq!(unused.load().unwrap().warnings, [""; 0]);
 }
 
 /// Byte order marks before JSON and zeros behind it, and whole numbers with a fraction or an exponent.

@@ -4,7 +4,7 @@ use glam::{DAffine3, DQuat, DVec3};
 use serde_json::{Value, json};
 use stereolux_scene::builtin;
 
-use stereolux_scene::{Needs, Scene};
+use stereolux_scene::{Bounds, Needs, Scene};
 
 use super::import::{assert_fault, set};
 use crate::cases::cases;
@@ -128,6 +128,17 @@ fn clips_skins_and_targets_are_read() {
         moved = moved.max((*bent - *round).length());
     }
     assert!(moved > 0.1);
+    // The middle of what a mesh's own weights bend: of f32 positions of size 1.
+    let mut bent = scene.clone();
+    bent.nodes[ball].morph_weights = vec![1.0];
+    let bent_mesh = &mut bent.meshes[scene.nodes[ball].mesh.unwrap()];
+    bent_mesh.targets[0].positions.fill([1.0, 0.0, 0.0]);
+    let mesh = bent_mesh.clone();
+    let positions = bent.positions_in_world(ball, &mesh, &bent.rest_pose());
+    let middle = Bounds::of_points(positions).unwrap().center();
+    let center = |scene: &Scene| scene.center_of_node(ball, &scene.world_from_node(ball));
+    assert!((center(&bent) - middle).length() < 1e-12);
+    assert!((center(&scene) - middle).length() > 0.01);
 }
 
 #[test]

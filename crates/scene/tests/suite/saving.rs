@@ -180,6 +180,31 @@ fn patchwork(folder: &Folder) -> Value {
     root
 }
 
+/// Integers that are written as 1.0: nothing is taken for the first buffer, material or scene.
+#[test]
+fn integers_with_a_fraction_of_zero_are_saved() {
+    let folder = Folder::new("saving-fractions");
+    let mut root = patchwork(&folder);
+    for view in root["bufferViews"].as_array_mut().unwrap() {
+        view["buffer"] = json!(1.0);
+        view["byteOffset"] = json!(view["byteOffset"].as_f64().unwrap());
+    }
+    root["meshes"][0]["primitives"][0]["material"] = json!(1.0);
+    root["scene"] = json!(1.0);
+    let path = folder.write("scene.gltf", root.to_string());
+    let mut document = Document::load(path.to_str().unwrap()).unwrap();
+    assert_eq!(document.scene().roots.len(), 1);
+    assert_reads_back(&document, "unchanged");
+    let own = Edit::OwnMaterial {
+        mesh: 0,
+        material: 1,
+    };
+    document.edit(own).unwrap();
+    let node = document.scene().roots[0];
+    document.edit(Edit::Duplicate { node }).unwrap();
+    assert_reads_back(&document, "edited");
+}
+
 #[test]
 fn what_was_not_edited_stays_and_the_file_stands_alone() {
     let folder = Folder::new("saving-patchwork");
