@@ -167,13 +167,25 @@ impl OutputFolder {
     /// read on. What an older run has left in it stays until [`OutputFolder::clear`].
     ///
     /// # Errors
-    /// [`OutputError::Folder`] if that is impossible, or another run writes there.
+    /// [`OutputError::Folder`] if that is impossible, another run writes there, or what lies there is not a run's.
     pub fn open(path: &Path, settings: &Settings, adapter: &str) -> Result<Self, OutputError> {
         let fail = |error: io::Error| OutputError::Folder {
             path: path.to_owned(),
             reason: error.to_string(),
         };
         let is_new = [!path.exists(), !path.join(STATS).exists()];
+        if is_new == [false, true] {
+            // Other programs number their frames so, too.
+            let found = fs::read_dir(path).map_err(fail)?.flatten();
+            let files = found.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_file()));
+            let mut names = files.filter_map(|entry| entry.file_name().into_string().ok());
+            if let Some(name) = names.find(|name| is_of_a_run(name)) {
+                return Err(OutputError::Folder {
+                    path: path.to_owned(),
+                    reason: format!("{name} lies there without a run's {STATS}, and would be lost"),
+                });
+            }
+        }
         Ok(Self {
             path: path.to_owned(),
             settings: settings.clone(),

@@ -26,11 +26,15 @@ const SAME: [&str; 8] = [
     "/refresh_hz",
 ];
 
-/// Frames of a folder: the whole lines of `stats.jsonl`.
+/// Frames of a folder: the whole lines of `stats.jsonl`. Of a run that was killed or met a full disk the last may be cut.
 fn frames(folder: &Path) -> Result<Vec<Value>, Failure> {
     let path = folder.join(STATS);
     let text = read(&path)?;
-    let lines = text.lines().enumerate();
+    let whole = text.rfind('\n').map_or(0, |end| end + 1);
+    if whole < text.len() {
+        log::warn!("{}: the last line is cut off, and left out", path.display());
+    }
+    let lines = text[..whole].lines().enumerate();
     lines
         .map(|(at, line)| {
             let frame: Value = serde_json::from_str(line).map_err(|error| {
@@ -79,6 +83,12 @@ pub fn merge(options: &MergeOptions) -> Result<(), Failure> {
     }
     if options.folders[0].join("report.json").exists() {
         return reports(options);
+    }
+    if options.out.join(RUN).exists() && run_of(&options.out)?["merged"].is_null() {
+        return Err(Failure::unusable(format!(
+            "--out {} holds a run, whose statistics would be lost; give another folder",
+            options.out.display()
+        )));
     }
     let mut runs = Vec::new();
     let mut all = Vec::new();

@@ -32,7 +32,7 @@ impl App {
         match loaded {
             Err(refused) => {
                 if refused.names_outside {
-                    self.asks = Some(Question::Outside(name));
+                    self.asks = Some(Question::Outside(name, may_lose_edits));
                 }
                 self.say(context, refused.text, true);
             }
@@ -117,11 +117,15 @@ impl App {
     }
 
     /// Begins to read the scene that was refused for naming files outside its folder, with them.
-    pub(super) fn open_with_outside(&mut self, context: &Context, spec: String) {
+    pub(super) fn open_with_outside(
+        &mut self,
+        context: &Context,
+        spec: String,
+        may_lose_edits: bool,
+    ) {
         let mut settings = (*self.settings).clone();
         settings.limits.allow_outside = true;
-        // Asked already.
-        self.open_with(context, spec, &settings, true);
+        self.open_with(context, spec, &settings, may_lose_edits);
     }
 
     fn open_with(

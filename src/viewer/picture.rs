@@ -288,7 +288,16 @@ fn handles(
         (true, false) => app.document.end_gesture(),
         _ => {}
     }
-    if let Handled::Moved(world_from_pivot) = handled {
+    // A click on a handle moves nothing, but for rounding.
+    let reach = 1e-12
+        * world_from_pivot
+            .to_cols_array()
+            .into_iter()
+            .fold(0.0, |most: f64, x| most.max(x.abs()));
+    if let Handled::Moved(moved) = handled
+        && !moved.abs_diff_eq(world_from_pivot, reach)
+    {
+        let world_from_pivot = moved;
         let world_from_node = world_from_pivot * DAffine3::from_translation(-pivot_in_node);
         let moved = app.selected.carry(app.document.scene(), world_from_node);
         if let Some(edit) = moved {

@@ -10,8 +10,9 @@ use super::save_files::Saved;
 /// What is asked; one thing at a time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Question {
-    /// Whether to read the scene of this name, which was refused for naming files outside its folder.
-    Outside(String),
+    /// Whether to read the scene of this name, which was refused for naming files outside its folder; and whether changes that
+    /// are not saved may go.
+    Outside(String, bool),
     /// Whether to quit with changes that are not saved.
     Quit,
     /// Whether to open the scene of this name in place of one with changes that are not saved.
@@ -33,7 +34,7 @@ impl Leave {
     fn go(self, app: &mut App, context: &Context) {
         match self {
             Self::Quit => app.command(WindowCommand::Quit),
-            Self::Open(spec) => app.open_in_place(context, spec),
+            Self::Open(spec) => app.open(context, spec),
         }
     }
 }
@@ -44,11 +45,11 @@ pub fn show(app: &mut App, context: &Context) {
         return;
     };
     Modal::new(Id::unique("question")).show(context, |ui| match question {
-        Question::Outside(spec) => {
+        Question::Outside(spec, may_lose_edits) => {
             ui.heading("The scene names files outside its own folder");
             ui.label("Reading them is safe only if you trust whoever made it: saving the scene takes them along.");
             if is_agreed(app, ui, "Read them") {
-                app.open_with_outside(context, spec);
+                app.open_with_outside(context, spec, may_lose_edits);
             }
         }
         Question::Quit => {
@@ -106,9 +107,11 @@ fn unsaved(app: &mut App, ui: &mut Ui, [without, with]: [&str; 2], leave: Leave)
         match &mut app.asks {
             // Asked before it is saved.
             Some(Question::Replace(_, _, after)) if saves => *after = Some(leave),
-            _ if goes_without || (saves && !app.document.is_modified()) => {
-                leave.go(app, &context);
-            }
+            _ if goes_without => match leave {
+                Leave::Open(spec) => app.open_in_place(&context, spec),
+                Leave::Quit => leave.go(app, &context),
+            },
+            _ if saves && !app.document.is_modified() => leave.go(app, &context),
             _ => {}
         }
     });

@@ -81,8 +81,11 @@ fn together(mut edits: Vec<Edit>) -> Option<Edit> {
 impl Selection {
     /// Takes all out of the scene.
     pub fn delete(&self, scene: &Scene) -> Option<Edit> {
-        let tops = self.tops(scene).into_iter();
-        together(tops.map(|node| Edit::Delete { node }).collect())
+        let mut tops = self.tops(scene);
+        // Joints cannot go before what hangs on them.
+        tops.sort_by_key(|node| scene.nodes[*node].skin.is_none());
+        let edits = tops.into_iter().map(|node| Edit::Delete { node });
+        together(edits.collect())
     }
 
     /// Copies all; with the nodes that the copies will be.

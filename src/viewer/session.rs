@@ -113,7 +113,7 @@ impl Player {
         self.seek(usize::try_from(frame).unwrap_or(0));
     }
 
-    /// Lets the clock run; at the end it pauses there.
+    /// Lets the clock run; at the end it pauses there, from where it begins anew.
     pub fn advance(&mut self, seconds: f64) {
         if !self.is_playing {
             return;
@@ -122,6 +122,9 @@ impl Player {
         let end = self
             .recording
             .seconds_at(self.recording.len().saturating_sub(1));
+        if self.seconds >= end {
+            self.seconds = 0.0;
+        }
         self.seconds += seconds;
         if self.seconds >= end {
             self.seconds = end;
@@ -182,6 +185,10 @@ mod tests {
         assert_eq!(player.frame(), 9);
         assert!(!player.is_playing);
         assert_eq!(player.views(), player.recording.views(9));
+        player.is_playing = true;
+        player.advance(1.5 * period);
+        assert_eq!(player.frame(), 1, "played again");
+        player.advance(60.0);
         player.leave();
         assert_eq!(player.views(), None);
         player.step(-2);

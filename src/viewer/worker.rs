@@ -354,8 +354,10 @@ impl Inner {
 
     fn serve(&mut self, request: Request) {
         match request {
-            Request::Wanted | Request::Stop | Request::Quit => {}
+            Request::Wanted | Request::Quit => {}
+            Request::Stop => self.drop_screenshots("the view was stopped before it was whole"),
             Request::Scene(scene) => {
+                self.drop_screenshots("another scene came before it was whole");
                 self.changes += 1;
                 self.engine = RenderEngine::new(*scene, Arc::clone(&self.gate));
                 self.other = None;
@@ -683,6 +685,15 @@ impl Inner {
             );
         }
         Ok(())
+    }
+
+    /// Says of pictures that were asked for that there will be none.
+    fn drop_screenshots(&mut self, why: &str) {
+        if !std::mem::take(&mut self.screenshots).is_empty() {
+            self.report(Report::Failed(format!(
+                "no screenshot was written: {why}; ask again"
+            )));
+        }
     }
 
     fn write_screenshots(&mut self, wanted: &Wanted, size: [u32; 2], frames: u32) {

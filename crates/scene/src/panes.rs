@@ -148,7 +148,7 @@ mod tests {
         });
         let apart: Vec<_> = apart.collect();
         assert!(is_open(&glass, &[mesh(&apart, 1)]));
-        assert_eq!(open_materials(&[glass.clone()], &[]), [None]);
+        assert_eq!(open_materials(std::slice::from_ref(&glass), &[]), [None]);
         // A pane with a back of its own encloses nothing, a sheet of a millimetre does.
         let front = body[0];
         let back = [front[0], front[3], front[2], front[1]];
@@ -177,5 +177,24 @@ mod tests {
         assert_eq!(is_open(&scene), [true, false]);
         back.apply(&mut scene).unwrap();
         assert_eq!(is_open(&scene), [true]);
+        // Half of a body's faces that become glass, or are no longer, close or open the other half.
+        let half = |faces: &[_], material| mesh(faces, material).triangles;
+        let mut both = mesh(&body, 0);
+        both.triangles = [half(&body[..3], 0), half(&body[..3], 1)].concat();
+        for triangle in &mut both.triangles[6..] {
+            triangle.vertices = triangle.vertices.map(|vertex| vertex + 12);
+        }
+        let glass = scene.materials[0].clone();
+        scene.materials = vec![Material::default(), glass.clone()];
+        scene.meshes = vec![both];
+        find_open(&mut scene.materials, &scene.meshes);
+        assert_eq!(is_open(&scene), [false, true]);
+        let before = scene.clone();
+        let to = Box::new(glass);
+        let edit = Edit::Material { material: 0, to };
+        let back = edit.apply(&mut scene).unwrap();
+        assert_eq!(is_open(&scene), [false, false]);
+        back.apply(&mut scene).unwrap();
+        assert!(scene == before);
     }
 }

@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use egui::emath::Numeric;
 use egui::{Button, CollapsingHeader, ComboBox, DragValue, Grid, Response, TextEdit, Ui};
-use glam::{DQuat, DVec3, EulerRot};
+use glam::{DAffine3, DQuat, DVec3, EulerRot};
 
 use super::hierarchy::kind;
 use crate::scene::Trs;
@@ -49,7 +49,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     if ui.checkbox(&mut is_shown, "Visible").changed() {
         edits.one = app.selected.show(node, !is_shown);
     }
-    transform(node, shown.trs(), ui, &mut edits);
+    transform(node, shown, ui, &mut edits);
     let known = app.fields.materials.take();
     let materials = match known {
         // Counting looks at all triangles, and what paints them changes the number of materials.
@@ -201,7 +201,8 @@ fn carry_out(app: &mut App, ui: &Ui, edits: Edits) {
     }
 }
 
-fn transform(node: usize, from: Trs, ui: &mut Ui, edits: &mut Edits) {
+fn transform(node: usize, shown: &Node, ui: &mut Ui, edits: &mut Edits) {
+    let from = shown.trs();
     CollapsingHeader::new("Transform")
         .default_open(true)
         .show(ui, |ui| {
@@ -231,10 +232,16 @@ fn transform(node: usize, from: Trs, ui: &mut Ui, edits: &mut Edits) {
                 ui.end_row();
             });
             if changed {
-                edits.one = Some(Edit::Transform {
-                    node,
-                    to: Placement::Parts(to),
-                });
+                // A matrix may hold shear, which parts do not.
+                let only_moves = (to.rotation, to.scale) == (from.rotation, from.scale);
+                let to = match shown.exact_parts() {
+                    None if only_moves => Placement::Matrix(DAffine3 {
+                        translation: to.translation,
+                        ..shown.parent_from_node
+                    }),
+                    _ => Placement::Parts(to),
+                };
+                edits.one = Some(Edit::Transform { node, to });
             }
         });
 }

@@ -326,11 +326,6 @@ fn transport(app: &mut App, ui: &mut Ui) {
                 ui.strong("left by hand: Play goes back to it");
             }
         });
-        // Starting again at the end begins anew.
-        let last = player.recording.len().saturating_sub(1);
-        if player.is_playing && player.frame() == last {
-            player.seek(0);
-        }
     } else if !app.document.scene().animations.is_empty() {
         ui.horizontal(|ui| {
             play_button(ui, &mut app.clock.is_playing);

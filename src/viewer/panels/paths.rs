@@ -112,10 +112,10 @@ fn entries(folder: &Path, purpose: Purpose) -> Vec<String> {
             let extension = Path::new(&name).extension()?.to_str()?.to_lowercase();
             (!is_hidden && purpose.extensions().contains(&extension.as_str())).then_some(name)
         })
-        .take(MOST_ENTRIES)
         .collect();
     // Folders first.
     names.sort_by_key(|name| (!name.ends_with('/'), name.to_lowercase()));
+    names.truncate(MOST_ENTRIES);
     names
 }
 

@@ -47,6 +47,18 @@ fn files_of_an_older_run_go_and_others_stay() {
     assert_eq!(run_json(&folder)["error"], Value::Null);
 }
 
+/// Other programs number frames alike: without a run's statistics nothing is taken for a run's.
+#[test]
+fn pictures_of_other_programs_are_not_removed() {
+    let folder = Folder::new("other-programs");
+    std::fs::create_dir_all(folder.join("out")).unwrap();
+    folder.write("out/frame_0001.png", "mine");
+    let output = run(&folder, "1", &[]);
+    assert_eq!(output.status.code(), Some(2));
+    assert_says(&stderr(&output), &["--out", "frame_0001.png"]);
+    assert_eq!(folder.files(), ["out/frame_0001.png"]);
+}
+
 #[test]
 fn a_run_that_fails_says_so_in_run_json() {
     let folder = Folder::new("failing-run");

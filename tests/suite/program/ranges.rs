@@ -87,6 +87,16 @@ fn two_halves_are_the_whole_run_bit_for_bit() {
             assert_says(&stderr(&output), &[says]);
         };
         again(&whole, &first, "frame 0 is in");
+        // A line that a full disk cut is left out, and a run's own statistics are not written over.
+        let cut_line = lines.trim_end().rsplit_once('}').unwrap().0;
+        std::fs::write(lone.join("stats.jsonl"), cut_line).unwrap();
+        let output = merge(&first, &lone, &folder.join("rest"));
+        assert_success(&output);
+        assert_says(&stderr(&output), &["the last line is cut off"]);
+        assert_eq!(stats(&folder.join("rest")).len(), 5);
+        let output = merge(&first, &second, &whole);
+        assert_eq!(output.status.code(), Some(2));
+        assert_eq!(stats(&whole).len(), 6);
         let about = second.join("run.json");
         let mut elsewhere = json(&about);
         // Photons of a scene that stands still are traced before the second half.

@@ -35,7 +35,7 @@ impl Edit {
                 let before = std::mem::replace(slot, *to);
                 // The shapes say it, not who edits. Most edits change a number of what is glass anyway.
                 slot.is_open = slot.may_be_thin() && before.is_open;
-                if slot.may_be_thin() && !before.may_be_thin() {
+                if slot.may_be_thin() != before.may_be_thin() {
                     panes::find_open(&mut scene.materials, &scene.meshes);
                 }
                 Ok(Self::Material {
@@ -143,16 +143,35 @@ impl Edit {
     /// Refuses transforms that flatten what has not been flat, which hardly anybody means.
     pub(super) fn check_by_hand(&self, scene: &Scene) -> Result<(), EditError> {
         match self {
-            Self::Transform { node, to } => match scene.nodes.get(*node) {
-                Some(node) if transform_fault(&node.parent_from_node).is_none() => {
-                    checked(&node.name, *to).map(|_| ())
+            Self::Transform { node: index, to } => {
+                let Some(node) = scene.nodes.get(*index) else {
+                    return Ok(());
+                };
+                if transform_fault(&node.parent_from_node).is_none() {
+                    checked(&node.name, *to)?;
                 }
-                _ => Ok(()),
-            },
+                check_reach(scene, *index, *to)
+            }
             Self::Several(edits) => edits.iter().try_for_each(|edit| edit.check_by_hand(scene)),
             _ => Ok(()),
         }
     }
+}
+
+/// Refuses what no file can hold: places beyond 32-bit floats, of a node or of what hangs on it.
+fn check_reach(scene: &Scene, index: usize, to: Placement) -> Result<(), EditError> {
+    let node = &scene.nodes[index];
+    let above = node.parent.map(|parent| scene.world_from_node(parent));
+    let placed = above.unwrap_or_default() * to.parent_from_node();
+    let below = scene.below(&node.children, placed, |_| true);
+    let is_beyond = |placed: &DAffine3| {
+        let mut numbers = placed.to_cols_array().into_iter();
+        numbers.any(|number| number.abs() > f64::from(f32::MAX))
+    };
+    if is_beyond(&placed) || below.into_iter().any(|(_, placed)| is_beyond(&placed)) {
+        return Err(value(&node.name, "its place would be beyond 32-bit floats"));
+    }
+    Ok(())
 }
 
 fn transform(scene: &mut Scene, node: usize, to: Placement) -> Result<Edit, EditError> {
@@ -178,6 +197,9 @@ fn is_animated(scene: &Scene, node: usize) -> bool {
     tracks.any(|tracks| tracks.node == node)
 }
 
+/// Of numbers without a bound of their own: files hold colours as one of up to 1 and a power of two.
+const GREATEST: f32 = 1e38;
+
 fn check_material(scene: &Scene, material: &Material) -> Result<(), EditError> {
     let name = &material.name;
     let unit = [
@@ -199,11 +221,8 @@ fn check_material(scene: &Scene, material: &Material) -> Result<(), EditError> {
         ("thickness", &[material.thickness]),
     ];
     for (what, values) in positive {
-        if !values
-            .iter()
-            .all(|value| *value >= 0.0 && value.is_finite())
-        {
-            return Err(value(name, format!("{what} must be 0 or more")));
+        if !values.iter().all(|value| (0.0..=GREATEST).contains(value)) {
+            return Err(value(name, format!("{what} must be 0 to {GREATEST:e}")));
         }
     }
     if !(material.ior == 0.0 || (material.ior >= 1.0 && material.ior.is_finite())) {
@@ -237,9 +256,12 @@ fn check_material(scene: &Scene, material: &Material) -> Result<(), EditError> {
 }
 
 fn check_light(light: &PunctualLight) -> Result<(), EditError> {
-    let usable = |value: &f32| *value >= 0.0 && value.is_finite();
-    if !light.intensity.iter().all(usable) {
-        return Err(value(&light.name, "the intensity must be 0 or more"));
+    let is_usable = |value: &f32| (0.0..=GREATEST).contains(value);
+    if !light.intensity.iter().all(is_usable) {
+        return Err(value(
+            &light.name,
+            format!("the intensity must be 0 to {GREATEST:e}"),
+        ));
     }
     if let LightKind::Spot {
         inner_cone_rad,

@@ -58,7 +58,10 @@ pub fn patch(root: &mut Value, original: &Original, scene: &Scene) -> Result<(),
                 // A copy: of what its source is by now, so that extensions that nobody here knows come along.
                 let from = source_of(scene, index).unwrap_or_default();
                 let copied = list_mut(root, "materials").get(from).cloned();
-                push(root, copied.unwrap_or_else(|| json!({})));
+                let mut copied = copied.unwrap_or_else(|| json!({}));
+                // One without a name is called by its number, which the copy does not have.
+                copied["name"] = json!(after.name);
+                push(root, copied);
                 scene.materials.get(from).cloned().unwrap_or_default()
             }
         };

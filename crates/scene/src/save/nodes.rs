@@ -39,7 +39,7 @@ pub fn patch(root: &mut Value, original: &Original, scene: &Scene) {
         }
     }
     // Without a scene every node without a parent is shown, deleted ones too.
-    if regrouped && root.get("scenes").is_none() {
+    if regrouped && list_mut(root, "scenes").is_empty() {
         root["scenes"] = json!([{ "nodes": original.roots }]);
         root["scene"] = json!(0);
     }

@@ -191,6 +191,9 @@ fn integers_with_a_fraction_of_zero_are_saved() {
     }
     root["meshes"][0]["primitives"][0]["material"] = json!(1.0);
     root["scene"] = json!(1.0);
+    // Called by its number, which its copy does not have.
+    let unnamed = root["materials"][1].as_object_mut().unwrap();
+    unnamed.remove("name");
     let path = folder.write("scene.gltf", root.to_string());
     let mut document = Document::load(path.to_str().unwrap()).unwrap();
     assert_eq!(document.scene().roots.len(), 1);
@@ -288,15 +291,22 @@ fn deleted_nodes_show_nowhere_and_keep_everybodys_number() {
     assert_eq!(read.instances().len(), instances - 1);
     assert_eq!(read.nodes.len(), document.scene().nodes.len());
     // A file without scenes shows every root; once one is deleted it needs a scene.
-    let text = r#"{"asset":{"version":"2.0"},"nodes":[{"name":"a"},{"name":"b","children":[2]},{"name":"c"}]}"#;
-    std::fs::write(&source, text).unwrap();
-    let mut document = Document::load(source.to_str().unwrap()).unwrap();
-    document.edit(Edit::Delete { node: 2 }).unwrap();
-    assert_reads_back(&document, "without scenes");
-    document.edit(Edit::Delete { node: 0 }).unwrap();
-    assert_reads_back(&document, "without scenes");
-    document.edit(Edit::Delete { node: 1 }).unwrap();
-    assert_reads_back(&document, "without anything");
+    let mut file = json!({
+        "asset": { "version": "2.0" },
+        "nodes": [{ "name": "a" }, { "name": "b", "children": [2] }, { "name": "c" }],
+    });
+    for _ in 0..2 {
+        std::fs::write(&source, file.to_string()).unwrap();
+        let mut document = Document::load(source.to_str().unwrap()).unwrap();
+        document.edit(Edit::Delete { node: 2 }).unwrap();
+        assert_reads_back(&document, "without scenes");
+        document.edit(Edit::Delete { node: 0 }).unwrap();
+        assert_reads_back(&document, "without scenes");
+        document.edit(Edit::Delete { node: 1 }).unwrap();
+        assert_reads_back(&document, "without anything");
+        // The same of an empty list of them.
+        file["scenes"] = json!([]);
+    }
 }
 
 #[test]
