@@ -6,7 +6,7 @@ use base64::prelude::{BASE64_STANDARD_NO_PAD, Engine as _};
 use glam::DVec3;
 use image::{DynamicImage, ImageFormat, Rgb32FImage, RgbImage, RgbaImage};
 use serde_json::{Value, json};
-use stereolux::options::{Extent, SettingsFile as _};
+use stereolux::options::{Extent, to_toml};
 use stereolux::scene::builtin;
 use stereolux::settings::{Quality, RenderSettings, Settings};
 use stereolux::viewer::window_state::WindowState;
@@ -212,7 +212,7 @@ pub fn actions() -> Vec<Vec<u8>> {
 
 /// Settings files.
 pub fn settings() -> Vec<Vec<u8>> {
-    let all = Settings::default().to_toml(Extent::All);
+    let all = to_toml(&Settings::default(), Extent::All);
     vec![
         all.into_bytes(),
         include_bytes!("../config/example.toml").to_vec(),

@@ -156,16 +156,11 @@ fn aim_through(views: &[View; 2], mouse: DVec2, places: [Rectangle; 2]) -> Optio
     };
     let mut eyes = views.iter().zip(&places);
     let (view, share) = eyes.find_map(|(view, place)| Some((view, within(place)?)))?;
-    let tangents = view.fov.tangents();
-    let direction = DVec3::new(
-        tangents.left + share.x * (tangents.right - tangents.left),
-        tangents.up + share.y * (tangents.down - tangents.up),
-        -1.0,
-    );
-    let turn = DQuat::from_rotation_arc(DVec3::NEG_Z, direction.normalize());
-    let eye = Pose::new(view.position_in_world, view.orientation);
-    let aim = eye.then(&Pose::new(REACH_M * direction.normalize(), turn));
-    Some(Pose::new(aim.position, aim.orientation.normalize()))
+    let ray = view.ray_through_pixel(share.x, share.y, 1, 1);
+    let ahead = view.orientation * DVec3::NEG_Z;
+    let turn = DQuat::from_rotation_arc(ahead, ray.direction) * view.orientation;
+    let place = ray.origin + REACH_M * ray.direction;
+    Some(Pose::new(place, turn.normalize()))
 }
 
 /// A session of the desktop. It ends with its window.

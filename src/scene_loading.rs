@@ -226,7 +226,7 @@ mod tests {
     /// The viewer changes them one at a time, and saves them for `--config`.
     #[test]
     fn settings_of_a_scene_that_was_lit_are_accepted_again() {
-        use crate::options::SettingsFile as _;
+        use crate::options;
         for light in [Light::Auto, Light::Studio, Light::Sky] {
             let mut settings = Settings {
                 light,
@@ -238,7 +238,7 @@ mod tests {
                 .iter_mut()
                 .for_each(|material| material.emission = [0.0; 3]);
             light_scene(&mut settings, &scene).unwrap();
-            let changed = settings.with("seed", &serde_json::json!(7)).unwrap();
+            let changed = options::changed(&settings, "seed", &serde_json::json!(7)).unwrap();
             assert_eq!(changed.environment, settings.environment);
         }
     }

@@ -192,36 +192,20 @@ pub struct Lab<'a> {
     pub references: References,
     /// Who is told.
     pub progress: &'a mut dyn BenchProgress,
-    resumed: usize,
+    /// What it has come by since.
+    pub known: Known,
+}
+
+/// What a lab remembers from group to group.
+#[derive(Default)]
+pub struct Known {
+    /// Rows that came from the journal.
+    pub resumed: usize,
     fingerprints: HashMap<String, String>,
     scene: Option<(SceneSource, Scene)>,
 }
 
-impl<'a> Lab<'a> {
-    /// A lab with an open journal and cache.
-    pub fn new(
-        out: &'a Path,
-        settings: &'a Settings,
-        machine: Machine,
-        library: ShaderLibrary,
-        journal: Journal,
-        references: References,
-        progress: &'a mut dyn BenchProgress,
-    ) -> Self {
-        Self {
-            out,
-            settings,
-            machine,
-            library,
-            journal,
-            references,
-            progress,
-            resumed: 0,
-            fingerprints: HashMap::new(),
-            scene: None,
-        }
-    }
-
+impl Lab<'_> {
     /// Measures a group, or takes its rows from the journal if all of them are there.
     ///
     /// # Errors
@@ -230,7 +214,7 @@ impl<'a> Lab<'a> {
         let keys = self.keys(plan)?;
         if let Some(rows) = self.journal.all(&keys) {
             self.progress.skipped(plan);
-            self.resumed += rows.len();
+            self.known.resumed += rows.len();
             return Ok(rows);
         }
         self.progress.began(plan);
@@ -240,19 +224,13 @@ impl<'a> Lab<'a> {
         Ok(rows)
     }
 
-    /// Rows that came from the journal.
-    #[must_use]
-    pub fn resumed(&self) -> usize {
-        self.resumed
-    }
-
     fn fingerprint(&mut self, source: &SceneSource) -> Result<String, BenchError> {
         let name = source.name();
-        if let Some(known) = self.fingerprints.get(&name) {
+        if let Some(known) = self.known.fingerprints.get(&name) {
             return Ok(known.clone());
         }
         let found = source.fingerprint(self.settings)?;
-        self.fingerprints.insert(name, found.clone());
+        self.known.fingerprints.insert(name, found.clone());
         Ok(found)
     }
 
@@ -338,12 +316,12 @@ impl<'a> Lab<'a> {
     }
 
     fn measure_anew(&mut self, plan: &GroupPlan, keys: &[String]) -> Result<Vec<Row>, BenchError> {
-        let scene = match self.scene.take() {
+        let scene = match self.known.scene.take() {
             Some((source, scene)) if source == plan.scene => scene,
             _ => plan.scene.load(self.settings)?,
         };
         let rows = self.measure_scene(plan, keys, &scene);
-        self.scene = Some((plan.scene.clone(), scene));
+        self.known.scene = Some((plan.scene.clone(), scene));
         rows
     }
 

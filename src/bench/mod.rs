@@ -31,7 +31,7 @@ use stereolux_report::rounds::Round;
 use stereolux_report::shards::{FORMAT, Head, Part, Shard, join};
 use stereolux_report::{Circumstances, Report, ReportError, ReportFile};
 
-use measure::{GroupPlan, Lab};
+use measure::{GroupPlan, Known, Lab};
 use reference::{BOX_SAMPLES, References};
 use scenes::SceneSource;
 
@@ -195,9 +195,16 @@ pub fn run(
         measure::variant_time(plan, first, settings, &library, device)
     })?;
     progress.planned(options.suite, &plans, without_references_s);
-    let mut lab = Lab::new(
-        out, settings, machine, library, journal, references, progress,
-    );
+    let mut lab = Lab {
+        out,
+        settings,
+        machine,
+        library,
+        journal,
+        references,
+        progress,
+        known: Known::default(),
+    };
     let machine = lab.machine.clone();
     let mut rows: Vec<Row> = Vec::new();
     let mut written = Instant::now();
@@ -219,7 +226,7 @@ pub fn run(
     }
     let report = report(options, &machine, part.as_ref(), None, &rows);
     write(out, &report)?;
-    Ok(outcome(out, &report, lab.resumed()))
+    Ok(outcome(out, &report, lab.known.resumed))
 }
 
 /// Makes a folder for output, if it is missing.

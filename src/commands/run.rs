@@ -161,14 +161,9 @@ pub fn render(options: &RenderOptions) -> Result<(), Failure> {
     let session = SimulatedSession::new(headset, Motion::Still, pose, Some(1));
     render_session(
         Source {
-            session: Box::new(session),
-            context: None,
             name: "one pose".to_owned(),
             announcement,
-            lacks_room: false,
-            size,
-            frames: Some(1),
-            qualities: Vec::new(),
+            ..Source::of(Box::new(session), size, Some(1))
         },
         loaded,
         &mut SceneAlone,

@@ -30,6 +30,22 @@ pub(super) struct Source {
     pub(super) qualities: Vec<(usize, Quality)>,
 }
 
+impl Source {
+    /// A session that brings no device, named as it calls itself.
+    pub(super) fn of(session: Box<dyn XrSession>, size: [u32; 2], frames: Option<u32>) -> Self {
+        Self {
+            name: session.info().source.clone(),
+            session,
+            context: None,
+            announcement: None,
+            lacks_room: false,
+            size,
+            frames,
+            qualities: Vec::new(),
+        }
+    }
+}
+
 /// Opens the session that the options ask for.
 pub(super) fn source(
     options: &RunOptions,
@@ -64,6 +80,15 @@ pub(super) fn source(
             if frames == 1 { "" } else { "s" },
         )));
     }
+    if let (Some(range), Some(frames)) = (&options.session.range, source.frames)
+        && range.end > frames
+    {
+        log::warn!(
+            "--range {0}..{1}: {name} has {frames} frames; {0}..{frames} is rendered",
+            range.start,
+            range.end
+        );
+    }
     source.announcement = unavailable.map(|reason| format!("session: {name}; {reason}"));
     Ok(source)
 }
@@ -95,14 +120,8 @@ pub(super) fn desktop_source(
     );
     window.tell(session.desk());
     Ok(Source {
-        name: session.info().source.clone(),
-        session: Box::new(session),
-        context: None,
         announcement: Some(format!("session: desktop; {}", crate::desktop::controls())),
-        lacks_room: false,
-        size,
-        frames: options.session.frames,
-        qualities: Vec::new(),
+        ..Source::of(Box::new(session), size, options.session.frames)
     })
 }
 
@@ -148,16 +167,12 @@ fn openxr_source(options: &RunOptions, start: Pose, actions: &Actions) -> Result
             if with_depth { "with depth" } else { "no depth" }
         );
     }
-    let name = session.info().source.clone();
+    let lacks_room = wants_room && !session.shows_room();
+    let session = Box::new(Validated::new(session));
     Ok(Source {
-        lacks_room: wants_room && !session.shows_room(),
-        session: Box::new(Validated::new(session)),
+        lacks_room,
         context: Some(context),
-        name,
-        announcement: None,
-        size,
-        frames: options.session.frames,
-        qualities: Vec::new(),
+        ..Source::of(session, size, options.session.frames)
     })
 }
 
@@ -177,17 +192,11 @@ fn unpaced_source(
     actions: &Actions,
 ) -> Result<Source, Failure> {
     let source = |session: Box<dyn XrSession>, frames: u64, qualities| {
-        let info = session.info();
-        let size = options.settings.size.or(info.recommended_size);
+        let size = options.settings.size.or(session.info().recommended_size);
+        let size = size.unwrap_or(headset.size);
         Source {
-            name: info.source.clone(),
-            session,
-            context: None,
-            announcement: None,
-            lacks_room: false,
-            size: size.unwrap_or(headset.size),
-            frames: u32::try_from(frames).ok(),
             qualities,
+            ..Source::of(session, size, u32::try_from(frames).ok())
         }
     };
     let pacing = if options.session.realtime {

@@ -37,28 +37,18 @@ pub const KD_DIGITS: u32 = 4;
 /// Least threads of a batch, if it has as many paths: enough for every core of a software adapter.
 const LEAST_TRACING_THREADS: u32 = 4096;
 
-/// Which photons a map holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum MapKind {
-    /// All photons that scattered, except those of the caustic map.
-    Photons,
-    /// Photons that came over narrow lobes only: caustics.
-    Caustics,
+stereolux_base::words! {
+    /// Which photons a map holds, with the prefix of its passes in timings; every photon pass begins with `photons.`.
+    #[derive(PartialOrd, Ord)]
+    pub enum MapKind: label {
+        /// All photons that scattered, except those of the caustic map.
+        Photons = "photons",
+        /// Photons that came over narrow lobes only: caustics.
+        Caustics = "photons.caustics",
+    }
 }
 
 impl MapKind {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::Photons, Self::Caustics];
-
-    /// Prefix of the map's passes in timings; every photon pass begins with `photons.`.
-    #[must_use]
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Photons => "photons",
-            Self::Caustics => "photons.caustics",
-        }
-    }
-
     /// `Dispatch.eye` of the map's passes.
     #[must_use]
     pub fn index(self) -> u32 {

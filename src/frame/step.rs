@@ -4,28 +4,18 @@ use super::buffers::Moment;
 use super::passes::Pass;
 use super::photon_layout::MapKind;
 
-/// An eye.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Eye {
-    /// The eye that is rendered in full.
-    Left,
-    /// The eye that reuses the left one's samples.
-    Right,
+stereolux_base::words! {
+    /// An eye, with its word in file names and pass labels.
+    #[derive(PartialOrd, Ord)]
+    pub enum Eye: name {
+        /// The eye that is rendered in full.
+        Left = "left",
+        /// The eye that reuses the left one's samples.
+        Right = "right",
+    }
 }
 
 impl Eye {
-    /// Both.
-    pub const BOTH: [Self; 2] = [Self::Left, Self::Right];
-
-    /// `left` or `right`, as in file names and pass labels.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Left => "left",
-            Self::Right => "right",
-        }
-    }
-
     /// `Dispatch.eye` of the eye's passes.
     #[must_use]
     pub fn index(self) -> u32 {
@@ -108,6 +98,8 @@ impl List {
     pub const SEEN: Self = Self("seen");
     /// The same of tiles in which a pixel of the own eye mixes with what was seen before.
     pub const MIXED: Self = Self("mixed");
+    /// The same of tiles in which light has a short history.
+    pub const YOUNG: Self = Self("young");
     /// Pixels that gather first at half rate.
     pub const COARSE: Self = Self("coarse");
     /// Pixels that gather in a second pass: between those of half rate, or right-eye pixels without reused indirect light.

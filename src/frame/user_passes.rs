@@ -142,7 +142,7 @@ pub(super) fn insert(stages: &mut [PlannedStage], user_passes: &[UserPass]) {
                 Stage::Left | Stage::Right | Stage::RightEqual | Stage::Reconstruct => (),
                 _ => continue,
             }
-            for eye in Eye::BOTH {
+            for eye in Eye::ALL {
                 let follows = |step: &Step| step.owner.eye == eye && runs(step, &pass.after);
                 if let Some(at) = planned.steps.iter().rposition(follows) {
                     let step = following(&planned.steps[at], pass);

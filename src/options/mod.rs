@@ -19,7 +19,7 @@ pub use cli::{
     Suite, TraceOptions, ViewOptions,
 };
 pub use parse::{EarlyExit, parse, parse_run};
-pub use save::{Extent, SettingsFile, example_toml};
+pub use save::{Extent, changed, example_toml, save, to_toml, with_paths_in};
 
 /// Unusable flags or settings; each message is one line. Exit status 2.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -64,115 +64,100 @@ fn toml_line(setting: &Setting, value: &Value, mark: &str) -> Option<String> {
     Some(format!("\n# {doc} ({range})\n{mark}{key} = {written}\n"))
 }
 
-/// Settings as files, and changed one by one.
-pub trait SettingsFile: Sized {
-    /// The settings as TOML: by section, in the registry's order, each below a comment of what it is, its unit and range.
-    /// [`Layers::add_toml`] reads equal settings back. Paths are written as they are; see [`SettingsFile::with_paths_in`].
-    #[must_use]
-    fn to_toml(&self, extent: Extent) -> String;
-
-    /// The settings with relative paths made absolute, taken from `folder`: scene file, environment map, headset profile in
-    /// a file, script of hands and shader folder. Embedded scenes and profiles keep their names.
-    #[must_use]
-    fn with_paths_in(&self, folder: &Path) -> Self;
-
-    /// Writes the settings to a file that `--config` reads from whatever folder: relative paths are taken from the working
-    /// directory and written in full. The file is written beside its place and renamed.
-    ///
-    /// # Errors
-    /// One line: why the file cannot be written.
-    fn save(&self, path: &Path, extent: Extent) -> Result<(), OptionsError>;
-
-    /// The settings with one of them changed, checked as `--set KEY=VALUE` checks it, and with the same words refused.
-    /// `null` unsets a setting that may be unset.
-    ///
-    /// # Errors
-    /// [`OptionsError`]: an unknown key, a value that the setting does not take, or settings that do not go together.
-    fn with(&self, key: &str, value: &Value) -> Result<Self, OptionsError>;
+/// The settings as TOML: by section, in the registry's order, each below a comment of what it is, its unit and range.
+/// [`Layers::add_toml`] reads equal settings back. Paths are written as they are; see [`with_paths_in`].
+#[must_use]
+pub fn to_toml(settings: &Settings, extent: Extent) -> String {
+    let mut text = String::from("# Settings of stereolux, for --config.\n");
+    for section in registry::sections() {
+        let lines: String = section
+            .settings()
+            .map(|setting| (setting, setting.value(settings)))
+            .filter(|(setting, value)| extent == Extent::All || *value != setting.default_value())
+            .filter_map(|(setting, value)| toml_line(setting, &value, ""))
+            .collect();
+        if !lines.is_empty() && !section.name().is_empty() {
+            // Writing to a String cannot fail.
+            let _ = write!(text, "\n[{}]", section.name());
+        }
+        text.push_str(&lines);
+    }
+    for pass in &settings.render.user_passes {
+        let UserPass {
+            file,
+            name,
+            after,
+            over,
+        } = pass;
+        let text_of = |text: &str| toml::Value::String(text.to_owned());
+        let _ = writeln!(
+            text,
+            "\n[[{}]]\nfile = {}\nname = {}\nafter = {}\nover = {}",
+            user_pass::KEY,
+            text_of(&file.display().to_string()),
+            text_of(name),
+            text_of(after),
+            json!(over),
+        );
+    }
+    text
 }
 
-impl SettingsFile for Settings {
-    fn to_toml(&self, extent: Extent) -> String {
-        let mut text = String::from("# Settings of stereolux, for --config.\n");
-        for section in registry::sections() {
-            let lines: String = section
-                .settings()
-                .map(|setting| (setting, setting.value(self)))
-                .filter(|(setting, value)| {
-                    extent == Extent::All || *value != setting.default_value()
-                })
-                .filter_map(|(setting, value)| toml_line(setting, &value, ""))
-                .collect();
-            if !lines.is_empty() && !section.name().is_empty() {
-                // Writing to a String cannot fail.
-                let _ = write!(text, "\n[{}]", section.name());
-            }
-            text.push_str(&lines);
+/// The settings with relative paths made absolute, taken from `folder`: scene file, environment map, headset profile in
+/// a file, script of hands and shader folder. Embedded scenes and profiles keep their names.
+#[must_use]
+pub fn with_paths_in(settings: &Settings, folder: &Path) -> Settings {
+    let mut settings = settings.clone();
+    let absolute = |text: &mut String| {
+        let path = PathBuf::from(&*text);
+        if !text.is_empty() && path.is_relative() {
+            *text = folder.join(path).display().to_string();
         }
-        for pass in &self.render.user_passes {
-            let UserPass {
-                file,
-                name,
-                after,
-                over,
-            } = pass;
-            let text_of = |text: &str| toml::Value::String(text.to_owned());
-            let _ = writeln!(
-                text,
-                "\n[[{}]]\nfile = {}\nname = {}\nafter = {}\nover = {}",
-                user_pass::KEY,
-                text_of(&file.display().to_string()),
-                text_of(name),
-                text_of(after),
-                json!(over),
-            );
-        }
-        text
+    };
+    if !settings.scene.starts_with(builtin::PREFIX) {
+        absolute(&mut settings.scene);
     }
+    if Headset::is_path(&settings.headset) {
+        absolute(&mut settings.headset);
+    }
+    if !settings.environment.path.starts_with(builtin::PREFIX) {
+        absolute(&mut settings.environment.path);
+    }
+    absolute(&mut settings.simulated.hands);
+    absolute(&mut settings.gpu.shader_folder);
+    for pass in &mut settings.render.user_passes {
+        pass.file = folder.join(&pass.file);
+    }
+    settings
+}
 
-    fn with_paths_in(&self, folder: &Path) -> Self {
-        let mut settings = self.clone();
-        let absolute = |text: &mut String| {
-            let path = PathBuf::from(&*text);
-            if !text.is_empty() && path.is_relative() {
-                *text = folder.join(path).display().to_string();
-            }
-        };
-        if !settings.scene.starts_with(builtin::PREFIX) {
-            absolute(&mut settings.scene);
-        }
-        if Headset::is_path(&settings.headset) {
-            absolute(&mut settings.headset);
-        }
-        if !settings.environment.path.starts_with(builtin::PREFIX) {
-            absolute(&mut settings.environment.path);
-        }
-        absolute(&mut settings.simulated.hands);
-        absolute(&mut settings.gpu.shader_folder);
-        for pass in &mut settings.render.user_passes {
-            pass.file = folder.join(&pass.file);
-        }
-        settings
-    }
+/// Writes the settings to a file that `--config` reads from whatever folder: relative paths are taken from the working
+/// directory and written in full. The file is written beside its place and renamed.
+///
+/// # Errors
+/// One line: why the file cannot be written.
+pub fn save(settings: &Settings, path: &Path, extent: Extent) -> Result<(), OptionsError> {
+    let unwritable = |error: std::io::Error| OptionsError::Unwritable {
+        path: path.display().to_string(),
+        reason: error.to_string(),
+    };
+    let folder = std::env::current_dir().map_err(unwritable)?;
+    let text = to_toml(&with_paths_in(settings, &folder), extent);
+    write_beside(path, |out| out.write_all(text.as_bytes())).map_err(unwritable)
+}
 
-    fn save(&self, path: &Path, extent: Extent) -> Result<(), OptionsError> {
-        let unwritable = |error: std::io::Error| OptionsError::Unwritable {
-            path: path.display().to_string(),
-            reason: error.to_string(),
-        };
-        let folder = std::env::current_dir().map_err(unwritable)?;
-        let text = self.with_paths_in(&folder).to_toml(extent);
-        write_beside(path, |out| out.write_all(text.as_bytes())).map_err(unwritable)
-    }
-
-    fn with(&self, key: &str, value: &Value) -> Result<Self, OptionsError> {
-        let mut layers = Layers {
-            settings: self.clone(),
-            ..Layers::default()
-        };
-        layers.put(key, value, &value.to_string(), &Place::Set)?;
-        layers.finish()
-    }
+/// The settings with one of them changed, checked as `--set KEY=VALUE` checks it, and with the same words refused.
+/// `null` unsets a setting that may be unset.
+///
+/// # Errors
+/// [`OptionsError`]: an unknown key, a value that the setting does not take, or settings that do not go together.
+pub fn changed(settings: &Settings, key: &str, value: &Value) -> Result<Settings, OptionsError> {
+    let mut layers = Layers {
+        settings: settings.clone(),
+        ..Layers::default()
+    };
+    layers.put(key, value, &value.to_string(), &Place::Set)?;
+    layers.finish()
 }
 
 /// A value as TOML writes it; `None` for an unset one, which TOML has no word for.

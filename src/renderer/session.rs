@@ -54,7 +54,7 @@ impl Renderer {
         } else {
             [0, 1]
         };
-        for (eye, of) in Eye::BOTH.into_iter().zip(of_eyes) {
+        for (eye, of) in Eye::ALL.into_iter().zip(of_eyes) {
             let bits = hidden.areas[of].pixels(&tangents[of], self.image.size);
             let place = (Whose::Eye(eye), "hidden_pixels");
             let bits = bytemuck::cast_slice(&bits);

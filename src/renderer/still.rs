@@ -89,7 +89,7 @@ impl Renderer {
                 (kernel, uniform_buffer(&self.context, &pass.name, bytes))
             }
         };
-        let eyes = Eye::BOTH.map(|eye| self.buffers_of(eye));
+        let eyes = Eye::ALL.map(|eye| self.buffers_of(eye));
         for buffers in eyes.into_iter().flatten() {
             let held = &mut self.frame.buffers;
             held.hold_images(&self.context, &images(buffers), &self.image)?;

@@ -11,7 +11,7 @@ use egui::TextureId;
 use egui::epaint::{ClippedPrimitive, Primitive, textures::TextureFilter, textures::TexturesDelta};
 
 use crate::gpu::kernel::layouts;
-use crate::gpu::raster::from_black;
+use crate::gpu::raster::{bind_group, from_black, stages, texture_type};
 use crate::gpu::{GpuContext, GpuError, GrowingBuffer, ShaderFeatures, ShaderLibrary};
 
 const LABEL: &str = "window";
@@ -69,13 +69,8 @@ impl Painter {
                 ty,
                 count: None,
             };
-            let picture = wgpu::BindingType::Texture {
-                sample_type: wgpu::TextureSampleType::Float { filterable: true },
-                view_dimension: wgpu::TextureViewDimension::D2,
-                multisampled: false,
-            };
             let filter = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
-            let entries = [entry(0, picture), entry(1, filter)];
+            let entries = [entry(0, texture_type(true)), entry(1, filter)];
             let (layout, pipeline_layout) = layouts(device, LABEL, &entries);
             Ok(Self {
                 textures: egui_wgpu::Renderer::new(
@@ -154,20 +149,11 @@ impl Painter {
         view: &wgpu::TextureView,
         sampler: &wgpu::Sampler,
     ) -> wgpu::BindGroup {
-        device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(LABEL),
-            layout: &self.layout,
-            entries: &[
-                wgpu::BindGroupEntry {
-                    binding: 0,
-                    resource: wgpu::BindingResource::TextureView(view),
-                },
-                wgpu::BindGroupEntry {
-                    binding: 1,
-                    resource: wgpu::BindingResource::Sampler(sampler),
-                },
-            ],
-        })
+        let resources = [
+            wgpu::BindingResource::TextureView(view),
+            wgpu::BindingResource::Sampler(sampler),
+        ];
+        bind_group(device, LABEL, &self.layout, resources)
     }
 
     fn draw(
@@ -224,7 +210,8 @@ impl Painter {
     }
 }
 
-fn sampler(device: &wgpu::Device, filter: wgpu::FilterMode) -> wgpu::Sampler {
+/// What a texture is read by.
+pub fn sampler(device: &wgpu::Device, filter: wgpu::FilterMode) -> wgpu::Sampler {
     device.create_sampler(&wgpu::SamplerDescriptor {
         label: Some(LABEL),
         mag_filter: filter,
@@ -243,35 +230,20 @@ fn pipeline(
         label: Some(LABEL),
         source: wgpu::ShaderSource::Wgsl(wgsl.into()),
     });
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(LABEL),
-        layout: Some(layout),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("vertex_main"),
-            compilation_options: Default::default(),
-            buffers: &[Some(wgpu::VertexBufferLayout {
-                array_stride: size_of::<Corner>() as u64,
-                step_mode: wgpu::VertexStepMode::Vertex,
-                attributes: &wgpu::vertex_attr_array![0 => Float32x2, 1 => Float32x2, 2 => Unorm8x4],
-            })],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("fragment_main"),
-            compilation_options: Default::default(),
-            targets: &[Some(wgpu::ColorTargetState {
-                format,
-                blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
-                write_mask: wgpu::ColorWrites::ALL,
-            })],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+    let corners = [Some(wgpu::VertexBufferLayout {
+        array_stride: size_of::<Corner>() as u64,
+        step_mode: wgpu::VertexStepMode::Vertex,
+        attributes: &wgpu::vertex_attr_array![0 => Float32x2, 1 => Float32x2, 2 => Unorm8x4],
+    })];
+    let target = [Some(wgpu::ColorTargetState {
+        format,
+        blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
+        write_mask: wgpu::ColorWrites::ALL,
+    })];
+    let main = ["vertex_main", "fragment_main"];
+    let mut described = stages(LABEL, layout, &module, main, &target);
+    described.vertex.buffers = &corners;
+    device.create_render_pipeline(&described)
 }
 
 /// Left, top, width and height in pixels of the part of the target in which a job may draw; none if there is none.

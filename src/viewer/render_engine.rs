@@ -338,7 +338,7 @@ impl RenderEngine {
         let Some(pixel) = seen[eye].pixel_at(at) else {
             return Ok(None);
         };
-        let read = compiled.renderer.read_mean_at(Eye::BOTH[eye], pixel)?;
+        let read = compiled.renderer.read_mean_at(Eye::ALL[eye], pixel)?;
         Ok(read.map(|radiance| PixelRadiance {
             eye,
             pixel,
@@ -362,7 +362,7 @@ impl RenderEngine {
         let rendered = [0, 1].map(|eye| self.pictures[eye].is_some());
         let compiled = self.compiled()?;
         let mut found = Vec::with_capacity(2);
-        for (eye, is_rendered) in Eye::BOTH.into_iter().zip(rendered) {
+        for (eye, is_rendered) in Eye::ALL.into_iter().zip(rendered) {
             if !is_rendered {
                 found.push(Arc::default());
                 continue;
@@ -496,7 +496,7 @@ impl RenderEngine {
             && let Some(compiled) = &self.compiled
             && inspection.missing(&compiled.settings.render).is_some()
         {
-            let variance = compiled.renderer.read_mean_variance(Eye::BOTH[eye])?;
+            let variance = compiled.renderer.read_mean_variance(Eye::ALL[eye])?;
             let values = variance.ok_or_else(|| {
                 RenderError::Settings(
                     "variance needs two frames of a view that stands still".to_owned(),
@@ -504,7 +504,7 @@ impl RenderEngine {
             })?;
             return Ok(Inspected {
                 inspection,
-                eye: Eye::BOTH[eye],
+                eye: Eye::ALL[eye],
                 size,
                 values: InspectedValues::Scalar(values),
                 has_value: None,
@@ -514,14 +514,14 @@ impl RenderEngine {
             .seen
             .as_ref()
             .filter(|seen| seen[eye].size == size)
-            .and_then(|seen| seen[eye].inspected(inspection, Eye::BOTH[eye]))
+            .and_then(|seen| seen[eye].inspected(inspection, Eye::ALL[eye]))
         {
             return Ok(inspected);
         }
         let compiled = self.compiled()?;
         Ok(compiled
             .renderer
-            .inspect(&compiled.library, inspection, Eye::BOTH[eye])?)
+            .inspect(&compiled.library, inspection, Eye::ALL[eye])?)
     }
 }
 
@@ -547,7 +547,7 @@ pub fn animate(
 /// [`EngineError`].
 pub fn mean_of(renderer: &Renderer, eye: usize) -> Result<Option<ImageRgb>, EngineError> {
     let [width, height] = renderer.size();
-    let mean = renderer.read_mean(Eye::BOTH[eye])?;
+    let mean = renderer.read_mean(Eye::ALL[eye])?;
     let image = mean.map(|pixels| ImageRgb::new(width, height, pixels));
     Ok(image.transpose()?)
 }

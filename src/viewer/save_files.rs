@@ -8,7 +8,7 @@ use egui::Context;
 use super::app::App;
 use super::question::Question;
 use super::worker::decided;
-use crate::options::{Extent, SettingsFile as _};
+use crate::options::{self, Extent};
 
 /// What is written to files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +68,7 @@ impl App {
                 // What is shown is what is saved, whatever `auto` stands for where it is read.
                 let mut settings = decided(self.panel_settings());
                 settings.size = Some(self.size);
-                let written = settings.save(&path, Extent::Changed);
+                let written = options::save(&settings, &path, Extent::Changed);
                 (
                     written.map_err(|error| error.to_string()),
                     "; --config reads it",

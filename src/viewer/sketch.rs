@@ -14,9 +14,10 @@ use glam::{DAffine3, DMat4, Mat4, Vec4};
 use wgpu::util::{DeviceExt as _, TextureDataOrder};
 
 use super::frames::{FrameReport, ViewMode};
+use super::painter::sampler;
 use crate::gpu::buffers::flat_texture;
 use crate::gpu::kernel::layouts;
-use crate::gpu::raster::{from_black, from_infinity};
+use crate::gpu::raster::{bind_group, from_black, from_infinity, stages, texture_type};
 use crate::gpu::{GpuContext, GpuError, ShaderFeatures, ShaderLibrary};
 use crate::scene::{Deformation, Material, Scene};
 use crate::xr::View;
@@ -148,46 +149,29 @@ impl Sketcher {
             ShaderLibrary::embedded().compile("viewer/sketch", &ShaderFeatures::default())?;
         gpu.guarded(LABEL, || {
             let device = &gpu.device;
-            let texture = |binding, filterable| wgpu::BindGroupLayoutEntry {
+            use wgpu::ShaderStages as S;
+            let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry {
                 binding,
-                visibility: wgpu::ShaderStages::FRAGMENT,
-                ty: wgpu::BindingType::Texture {
-                    sample_type: wgpu::TextureSampleType::Float { filterable },
-                    view_dimension: wgpu::TextureViewDimension::D2,
-                    multisampled: false,
-                },
+                visibility,
+                ty,
                 count: None,
             };
+            let draw = wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Uniform,
+                has_dynamic_offset: true,
+                min_binding_size: wgpu::BufferSize::new(size_of::<Draw>() as u64),
+            };
+            let filter = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
             let entries = [
-                wgpu::BindGroupLayoutEntry {
-                    binding: 0,
-                    visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
-                    ty: wgpu::BindingType::Buffer {
-                        ty: wgpu::BufferBindingType::Uniform,
-                        has_dynamic_offset: true,
-                        min_binding_size: wgpu::BufferSize::new(size_of::<Draw>() as u64),
-                    },
-                    count: None,
-                },
-                texture(1, true),
-                texture(2, false),
-                wgpu::BindGroupLayoutEntry {
-                    binding: 3,
-                    visibility: wgpu::ShaderStages::FRAGMENT,
-                    ty: wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
-                    count: None,
-                },
+                entry(0, S::VERTEX_FRAGMENT, draw),
+                entry(1, S::FRAGMENT, texture_type(true)),
+                entry(2, S::FRAGMENT, texture_type(false)),
+                entry(3, S::FRAGMENT, filter),
             ];
             let (layout, pipeline_layout) = layouts(device, LABEL, &entries);
             let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(LABEL),
                 source: wgpu::ShaderSource::Wgsl(compiled.wgsl.as_str().into()),
-            });
-            let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
-                label: Some(LABEL),
-                mag_filter: wgpu::FilterMode::Linear,
-                min_filter: wgpu::FilterMode::Linear,
-                ..Default::default()
             });
             let pipeline = |name, depth| pipeline(device, &pipeline_layout, &module, name, depth);
             Ok(Self {
@@ -195,7 +179,7 @@ impl Sketcher {
                 sky: pipeline("sky", Some(false)),
                 rim: pipeline("rim", None),
                 layout,
-                sampler,
+                sampler: sampler(device, wgpu::FilterMode::Linear),
                 scene_number: u64::MAX,
                 meshes: HashMap::new(),
                 means: HashMap::new(),
@@ -341,32 +325,18 @@ impl Sketcher {
             return;
         };
         let bind = |picture: &wgpu::TextureView, distances: &wgpu::TextureView| {
-            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some(LABEL),
-                layout: &self.layout,
-                entries: &[
-                    wgpu::BindGroupEntry {
-                        binding: 0,
-                        resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                            buffer: &uniforms,
-                            offset: 0,
-                            size: wgpu::BufferSize::new(size_of::<Draw>() as u64),
-                        }),
-                    },
-                    wgpu::BindGroupEntry {
-                        binding: 1,
-                        resource: wgpu::BindingResource::TextureView(picture),
-                    },
-                    wgpu::BindGroupEntry {
-                        binding: 2,
-                        resource: wgpu::BindingResource::TextureView(distances),
-                    },
-                    wgpu::BindGroupEntry {
-                        binding: 3,
-                        resource: wgpu::BindingResource::Sampler(&self.sampler),
-                    },
-                ],
-            })
+            let draw = wgpu::BufferBinding {
+                buffer: &uniforms,
+                offset: 0,
+                size: wgpu::BufferSize::new(size_of::<Draw>() as u64),
+            };
+            let resources = [
+                wgpu::BindingResource::Buffer(draw),
+                wgpu::BindingResource::TextureView(picture),
+                wgpu::BindingResource::TextureView(distances),
+                wgpu::BindingResource::Sampler(&self.sampler),
+            ];
+            bind_group(&gpu.device, LABEL, &self.layout, resources)
         };
         let [picture, distances] = &source.eyes[eye];
         let [by_source, by_drawn] = [
@@ -547,17 +517,9 @@ fn pipeline(
         step_mode: wgpu::VertexStepMode::Vertex,
         attributes: &wgpu::vertex_attr_array![0 => Float32x3],
     })];
-    let is_surface = depth == Some(true);
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(LABEL),
-        layout: Some(layout),
-        vertex: wgpu::VertexState {
-            module,
-            entry_point: Some(&format!("{name}_vertex")),
-            compilation_options: Default::default(),
-            buffers: if is_surface { &positions } else { &[] },
-        },
-        primitive: wgpu::PrimitiveState::default(),
+    let [vertex, fragment] = ["vertex", "fragment"].map(|stage| format!("{name}_{stage}"));
+    let target = [Some(FORMAT.into())];
+    let mut described = wgpu::RenderPipelineDescriptor {
         depth_stencil: depth.map(|writes| wgpu::DepthStencilState {
             format: DEPTH,
             depth_write_enabled: Some(writes),
@@ -569,14 +531,10 @@ fn pipeline(
             stencil: Default::default(),
             bias: Default::default(),
         }),
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module,
-            entry_point: Some(&format!("{name}_fragment")),
-            compilation_options: Default::default(),
-            targets: &[Some(FORMAT.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+        ..stages(LABEL, layout, module, [&vertex, &fragment], &target)
+    };
+    if depth == Some(true) {
+        described.vertex.buffers = &positions;
+    }
+    device.create_render_pipeline(&described)
 }

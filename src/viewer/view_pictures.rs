@@ -98,7 +98,7 @@ impl ViewPictures {
             match mode {
                 ViewMode::Picture => Ok(shown.map(|picture| (picture, None, None))),
                 ViewMode::Inspection(inspection) => frame.seen[eye]
-                    .inspected(inspection, Eye::BOTH[eye])
+                    .inspected(inspection, Eye::ALL[eye])
                     .map(|inspected| color(&inspected, first))
                     .transpose(),
                 ViewMode::Error => {

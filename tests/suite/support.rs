@@ -163,7 +163,7 @@ pub fn images_of(
 
 /// Radiance of both eyes.
 pub fn both(renderer: &Renderer) -> [Vec<[f32; 3]>; 2] {
-    Eye::BOTH.map(|eye| radiance(renderer, eye))
+    Eye::ALL.map(|eye| radiance(renderer, eye))
 }
 
 /// Bits of both eyes' images.

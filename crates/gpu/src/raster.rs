@@ -31,6 +31,65 @@ pub fn from_infinity(
     })
 }
 
+/// A texture of numbers as fragments read it.
+#[must_use]
+pub fn texture_type(filterable: bool) -> wgpu::BindingType {
+    wgpu::BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Float { filterable },
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    }
+}
+
+/// A group of resources at bindings 0, 1 and so on.
+#[must_use]
+pub fn bind_group<'a>(
+    device: &wgpu::Device,
+    label: &str,
+    layout: &wgpu::BindGroupLayout,
+    resources: impl IntoIterator<Item = wgpu::BindingResource<'a>>,
+) -> wgpu::BindGroup {
+    let resources = (0..).zip(resources);
+    let entries = resources.map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource });
+    device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some(label),
+        layout,
+        entries: &entries.collect::<Vec<_>>(),
+    })
+}
+
+/// A pipeline of two stages that reads no vertices, knows no depth and is not kept; what is otherwise is put in.
+#[must_use]
+pub fn stages<'a>(
+    label: &'a str,
+    layout: &'a wgpu::PipelineLayout,
+    module: &'a wgpu::ShaderModule,
+    [vertex, fragment]: [&'a str; 2],
+    targets: &'a [Option<wgpu::ColorTargetState>],
+) -> wgpu::RenderPipelineDescriptor<'a> {
+    wgpu::RenderPipelineDescriptor {
+        label: Some(label),
+        layout: Some(layout),
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some(vertex),
+            compilation_options: Default::default(),
+            buffers: &[],
+        },
+        primitive: Default::default(),
+        depth_stencil: None,
+        multisample: Default::default(),
+        fragment: Some(wgpu::FragmentState {
+            module,
+            entry_point: Some(fragment),
+            compilation_options: Default::default(),
+            targets,
+        }),
+        multiview_mask: None,
+        cache: None,
+    }
+}
+
 /// A render pipeline over the fragments of one triangle, its bindings found by name.
 pub struct Raster {
     /// What it is bound to.
@@ -63,16 +122,9 @@ impl Raster {
             });
             let is_depth = format.is_depth_stencil_format();
             let color = [Some(wgpu::ColorTargetState::from(format))];
+            let targets: &[_] = if is_depth { &[] } else { &color };
+            let main = ["vertex_main", "fragment_main"];
             let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-                label: Some(name),
-                layout: Some(&pipeline_layout),
-                vertex: wgpu::VertexState {
-                    module: &module,
-                    entry_point: Some("vertex_main"),
-                    compilation_options: wgpu::PipelineCompilationOptions::default(),
-                    buffers: &[],
-                },
-                primitive: wgpu::PrimitiveState::default(),
                 depth_stencil: is_depth.then_some(wgpu::DepthStencilState {
                     format,
                     depth_write_enabled: Some(true),
@@ -80,15 +132,8 @@ impl Raster {
                     stencil: wgpu::StencilState::default(),
                     bias: wgpu::DepthBiasState::default(),
                 }),
-                multisample: wgpu::MultisampleState::default(),
-                fragment: Some(wgpu::FragmentState {
-                    module: &module,
-                    entry_point: Some("fragment_main"),
-                    compilation_options: wgpu::PipelineCompilationOptions::default(),
-                    targets: if is_depth { &[] } else { &color },
-                }),
-                multiview_mask: None,
                 cache: context.pipeline_cache(),
+                ..stages(name, &pipeline_layout, &module, main, targets)
             });
             Ok(Self {
                 interface,

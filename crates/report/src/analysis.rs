@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::plot::round_values;
 use crate::records::{GENERATED, REBUILT, Row};
 use crate::statistics::{
     LineFit, PowerFit, Spread, line_fit, log_interpolate, pareto_front, power_fit, spread,
@@ -189,11 +190,7 @@ fn levels(low: f64, high: f64) -> Vec<f64> {
     if !(low > 0.0 && high >= low && high.is_finite()) {
         return Vec::new();
     }
-    let decades = low.log10().floor() as i32..=high.log10().ceil() as i32;
-    decades
-        .flat_map(|decade| [1.0, 2.0, 5.0].map(|factor| factor * 10.0_f64.powi(decade)))
-        .filter(|level| (low..=high).contains(level))
-        .collect()
+    round_values([low, high], &[1.0, 2.0, 5.0], 1)
 }
 
 fn pareto(rows: &[Row]) -> Vec<ParetoScene> {

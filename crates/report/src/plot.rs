@@ -219,14 +219,7 @@ fn range(values: impl Iterator<Item = f64>, log: bool) -> Range<f64> {
 /// Round values within the range of a logarithmic axis, [`MOST_TICKS`] or little more. The library's own leave out most of
 /// a decade that the range does not hold whole.
 fn log_ticks(range: &Range<f64>) -> Vec<f64> {
-    let decades = range.start.log10().floor() as i32..=range.end.log10().ceil() as i32;
-    let with = |factors: &[f64], stride: usize| -> Vec<f64> {
-        let decades = decades.clone().step_by(stride);
-        decades
-            .flat_map(|decade| factors.iter().map(move |f| f * 10.0_f64.powi(decade)))
-            .filter(|value| (range.start..=range.end).contains(value))
-            .collect()
-    };
+    let with = |factors: &[f64], stride| round_values([range.start, range.end], factors, stride);
     // As many as fit: 1 2 5, else 1 3, else decades, else every other one.
     let found = [&[1.0, 2.0, 5.0][..], &[1.0, 3.0], &[1.0]]
         .map(|factors| with(factors, 1))
@@ -239,6 +232,16 @@ fn log_ticks(range: &Range<f64>) -> Vec<f64> {
     } else {
         found
     }
+}
+
+/// Factors times every so many powers of ten, as far as they lie within a range.
+pub(crate) fn round_values([low, high]: [f64; 2], factors: &[f64], stride: usize) -> Vec<f64> {
+    let decades = low.log10().floor() as i32..=high.log10().ceil() as i32;
+    decades
+        .step_by(stride)
+        .flat_map(|decade| factors.iter().map(move |f| f * 10.0_f64.powi(decade)))
+        .filter(|value| (low..=high).contains(value))
+        .collect()
 }
 
 /// Multiples of a round step.
@@ -259,13 +262,9 @@ fn even_ticks(range: &Range<f64>, most: usize) -> Vec<f64> {
 #[must_use]
 pub fn tick_text(value: f64) -> String {
     let size = value.abs();
-    let units = [(1e9, "G"), (1e6, "M"), (1e4, "k")];
-    if let Some((_, unit)) = units.iter().find(|(least, _)| size >= *least) {
-        let scale = match *unit {
-            "G" => 1e9,
-            "M" => 1e6,
-            _ => 1e3,
-        };
+    // From where on it is used, what it stands for, and its letter.
+    let units = [(1e9, 1e9, "G"), (1e6, 1e6, "M"), (1e4, 1e3, "k")];
+    if let Some((_, scale, unit)) = units.iter().find(|(least, ..)| size >= *least) {
         return format!("{}{unit}", plain((value / scale * 100.0).round() / 100.0));
     }
     if size == 0.0 {

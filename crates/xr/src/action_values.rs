@@ -10,7 +10,7 @@ use super::actions::{ActionError, ActionKind, Actions, unknown, wrong_kind};
 use super::input::{Hand, PRESSED_FROM, Side, Tracked, read_tracked};
 use super::profiles::TOUCH;
 use super::trace::number;
-use super::validation::Fault;
+use super::validation::{Fault, within};
 
 /// The value of one action.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -195,10 +195,8 @@ impl ActionValues {
                 ActionValue::Float(value) => DVec2::new(*value, 0.0),
                 ActionValue::Vec2(value) => *value,
             };
-            // NaN lies in no range.
-            let is_within = |axis: f64| (-1.0..=1.0).contains(&axis);
-            if let Some(axis) = axes.to_array().into_iter().find(|axis| !is_within(*axis)) {
-                return Err(Fault::new(name, format!("{axis} is not between -1 and 1")));
+            for axis in axes.to_array() {
+                within(axis, -1.0..=1.0, "").map_err(|what| Fault::new(name, what))?;
             }
         }
         Ok(())

@@ -3,8 +3,9 @@
 //! Profiles are TOML files in `config/headsets/`, embedded in the binary; a user's own file works the
 //! same way. Angles are degrees in the file and radians here.
 
+use super::validation::{self, within};
 use super::view::{Fov, Pose, View};
-use super::{InputError, XrError, toml_files, validation};
+use super::{InputError, XrError, toml_files};
 use glam::{DQuat, DVec3, EulerRot};
 use serde::Deserialize;
 use std::ops::Range;
@@ -121,13 +122,8 @@ impl Headset {
     /// # Errors
     /// `ipd_m` is negative, over 1 m, or not finite.
     pub fn with_ipd(mut self, ipd_m: f64) -> Result<Self, XrError> {
-        if !(0.0..=MAX_IPD_M).contains(&ipd_m) {
-            return Err(super::ArgumentError(format!(
-                "interpupillary distance {ipd_m} m is not between 0 and {MAX_IPD_M} m"
-            ))
-            .into());
-        }
-        self.ipd_m = ipd_m;
+        self.ipd_m = within(ipd_m, 0.0..=MAX_IPD_M, " m")
+            .map_err(|what| super::ArgumentError(format!("interpupillary distance {what}")))?;
         self.make_parallel();
         Ok(self)
     }
@@ -152,13 +148,8 @@ impl Headset {
     /// # Errors
     /// Not between 1 and 1000 Hz.
     pub fn with_refresh_hz(mut self, refresh_hz: f64) -> Result<Self, XrError> {
-        if !REFRESH_RANGE_HZ.contains(&refresh_hz) {
-            return Err(super::ArgumentError(format!(
-                "refresh rate {refresh_hz} Hz is not between 1 and 1000 Hz"
-            ))
-            .into());
-        }
-        self.refresh_hz = refresh_hz;
+        self.refresh_hz = within(refresh_hz, REFRESH_RANGE_HZ, " Hz")
+            .map_err(|what| super::ArgumentError(format!("refresh rate {what}")))?;
         Ok(self)
     }
 
@@ -228,16 +219,10 @@ impl ProfileToml {
             let what = format!("each side must be between 1 and {MAX_SIZE} pixels");
             return Err(fault(self.size.span(), "size", what));
         }
-        let ipd_m = *self.ipd_m.get_ref();
-        if !(0.0..=MAX_IPD_M).contains(&ipd_m) {
-            let what = format!("{ipd_m} m is not between 0 and {MAX_IPD_M} m");
-            return Err(fault(self.ipd_m.span(), "ipd_m", what));
-        }
-        let refresh_hz = *self.refresh_hz.get_ref();
-        if !REFRESH_RANGE_HZ.contains(&refresh_hz) {
-            let what = format!("{refresh_hz} Hz is not between 1 and 1000 Hz");
-            return Err(fault(self.refresh_hz.span(), "refresh_hz", what));
-        }
+        let ipd_m = within(*self.ipd_m.get_ref(), 0.0..=MAX_IPD_M, " m")
+            .map_err(|what| fault(self.ipd_m.span(), "ipd_m", what))?;
+        let refresh_hz = within(*self.refresh_hz.get_ref(), REFRESH_RANGE_HZ, " Hz")
+            .map_err(|what| fault(self.refresh_hz.span(), "refresh_hz", what))?;
         let refresh_rates_hz = match self.refresh_rates_hz {
             None => vec![refresh_hz],
             Some(rates) => {

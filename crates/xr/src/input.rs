@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use super::action_values::{ActionValue, ActionValues};
 use super::trace::Fields;
-use super::validation::{Fault, check_position, unit_quaternion};
+use super::validation::{Fault, check_pose, within};
 use stereolux_base::pose::Pose;
 
 /// What the wearer does in one frame. At rest, with nothing tracked, it equals `Input::default()`.
@@ -103,7 +103,7 @@ impl Tracked {
     }
 
     pub(super) fn check(&mut self) -> Result<(), Fault> {
-        check_pose(&mut self.pose)?;
+        self.pose = check_pose(&self.pose)?;
         for (velocity, value) in [
             ("linear_velocity", self.linear_velocity),
             ("angular_velocity", self.angular_velocity),
@@ -221,7 +221,7 @@ impl Input {
                 .map_err(|fault| fault.under(side.word()).under("input"))?;
         }
         if let Some(gaze) = &mut self.gaze {
-            check_pose(gaze).map_err(|fault| fault.under("input.gaze"))?;
+            *gaze = check_pose(gaze).map_err(|fault| fault.under("input.gaze"))?;
         }
         let actions = self.actions.check();
         actions.map_err(|fault| fault.under("input.actions"))?;
@@ -267,26 +267,20 @@ impl Hand {
                 tracked.check().map_err(|fault| fault.under(name))?;
             }
         }
-        let within = |name: &str, value: f64, low: f64| {
-            // NaN lies in no range.
-            if (low..=1.0).contains(&value) {
-                return Ok(());
-            }
-            let what = format!("{value} is not between {low} and 1");
-            Err(Fault::new(name, what))
-        };
-        within("trigger", self.trigger, 0.0)?;
-        within("squeeze", self.squeeze, 0.0)?;
-        within("stick[0]", self.stick.x, -1.0)?;
-        within("stick[1]", self.stick.y, -1.0)?;
+        for (name, value, low) in [
+            ("trigger", self.trigger, 0.0),
+            ("squeeze", self.squeeze, 0.0),
+            ("stick[0]", self.stick.x, -1.0),
+            ("stick[1]", self.stick.y, -1.0),
+        ] {
+            within(value, low..=1.0, "").map_err(|what| Fault::new(name, what))?;
+        }
         let joints = self.joints.iter_mut().flat_map(|joints| joints.iter_mut());
         for (index, joint) in joints.enumerate() {
             let name = format!("joints[{index}]");
-            check_pose(&mut joint.pose).map_err(|fault| fault.under(&name))?;
-            if !(0.0..=1.0).contains(&joint.radius_m) {
-                let what = format!("{} m is not between 0 and 1", joint.radius_m);
-                return Err(Fault::new("radius_m", what).under(&name));
-            }
+            joint.pose = check_pose(&joint.pose).map_err(|fault| fault.under(&name))?;
+            within(joint.radius_m, 0.0..=1.0, " m")
+                .map_err(|what| Fault::new("radius_m", what).under(&name))?;
         }
         Ok(())
     }
@@ -311,14 +305,6 @@ impl Hand {
             joints: fields.optional("joints", read_joints)?,
         })
     }
-}
-
-fn check_pose(pose: &mut Pose) -> Result<(), Fault> {
-    check_position(pose.position)?;
-    let q = pose.orientation;
-    pose.orientation =
-        unit_quaternion(q.x, q.y, q.z, q.w).map_err(|what| Fault::new("orientation", what))?;
-    Ok(())
 }
 
 fn read_pose(fields: &Fields<'_>) -> Result<Pose, Fault> {

@@ -18,7 +18,7 @@ use super::controller_model::{self, ModelNames};
 use super::hidden_area::HiddenArea;
 use super::input::{Input, InputJson};
 use super::text_lines::{self, Line, TextLines};
-use super::validation::{self, Fault};
+use super::validation::{self, Fault, within};
 use super::view::{Fov, View};
 use super::{InputError, LocatedViews, Quality, ViewFlags};
 use glam::DVec3;
@@ -261,10 +261,7 @@ impl<'a> Fields<'a> {
     }
 
     fn fault(&self, key: &str, what: impl Into<String>) -> Fault {
-        Fault {
-            field: self.name(key),
-            what: what.into(),
-        }
+        Fault::new(self.name(key), what)
     }
 
     fn value(&self, key: &str) -> Result<&'a Value, Fault> {
@@ -329,18 +326,13 @@ fn wrong_kind(field: &str, found: &Value, wanted: &str) -> Fault {
         shown.truncate(end.unwrap_or(0));
         shown.push_str("...");
     }
-    Fault {
-        field: field.to_owned(),
-        what: format!("{shown} is not {wanted}"),
-    }
+    Fault::new(field, format!("{shown} is not {wanted}"))
 }
 
 fn read_header(map: &Map<String, Value>) -> Result<(TraceHeader, u64), Fault> {
     if map.get("format").and_then(Value::as_str) != Some(FORMAT) {
-        return Err(Fault {
-            field: "format".into(),
-            what: format!("a trace begins with a header line whose format is \"{FORMAT}\""),
-        });
+        let what = format!("a trace begins with a header line whose format is \"{FORMAT}\"");
+        return Err(Fault::new("format", what));
     }
     let fields = Fields::new(
         "",
@@ -368,14 +360,8 @@ fn read_header(map: &Map<String, Value>) -> Result<(TraceHeader, u64), Fault> {
 }
 
 fn read_rate(path: &str, value: &Value) -> Result<f64, Fault> {
-    let rate_hz = number(path, value)?;
-    if super::headset::REFRESH_RANGE_HZ.contains(&rate_hz) {
-        return Ok(rate_hz);
-    }
-    Err(Fault {
-        field: path.to_owned(),
-        what: format!("{rate_hz} Hz is not between 1 and 1000 Hz"),
-    })
+    let range = super::headset::REFRESH_RANGE_HZ;
+    within(number(path, value)?, range, " Hz").map_err(|what| Fault::new(path, what))
 }
 
 fn read_both_hidden(path: &str, value: &Value) -> Result<[HiddenArea; 2], Fault> {

@@ -5,13 +5,14 @@
 //! [`Fault`]s here). A runtime with a bad pose is no error, because tracking comes and goes: [`Validated`]
 //! repeats the last good views.
 
-use super::view::{Fov, View};
+use super::view::{Fov, Pose, View};
 use super::{
     ControllerModel, FrameState, FrameSubmission, Input, LocatedViews, Pulse, RenderTargets,
     SessionInfo, XrError, XrSession,
 };
 use glam::{DQuat, DVec3};
 use std::fmt;
+use std::ops::RangeInclusive;
 
 /// Every edge of a field of view lies within this angle of straight ahead, degrees. Tangents reach 57
 /// there; a flat image has no use for more.
@@ -123,22 +124,34 @@ pub fn check_fov(fov: &Fov) -> Result<(), Fault> {
     order(edges[3], edges[2])
 }
 
-pub(super) fn check_position(position: DVec3) -> Result<(), Fault> {
-    if position.is_finite() {
-        return Ok(());
+/// A number of a range, or what is wrong with it; NaN lies in none. `unit` follows a number, such as ` m`.
+pub(super) fn within(value: f64, range: RangeInclusive<f64>, unit: &str) -> Result<f64, String> {
+    if range.contains(&value) {
+        return Ok(value);
     }
-    let shown = format!("{position} is not finite");
-    Err(Fault::new("position", shown))
+    let (least, most) = range.into_inner();
+    Err(format!(
+        "{value}{unit} is not between {least} and {most}{unit}"
+    ))
+}
+
+/// A finite position with a unit orientation.
+pub(super) fn check_pose(pose: &Pose) -> Result<Pose, Fault> {
+    if !pose.position.is_finite() {
+        let shown = format!("{} is not finite", pose.position);
+        return Err(Fault::new("position", shown));
+    }
+    let q = pose.orientation;
+    let orientation = unit_quaternion(q.x, q.y, q.z, q.w);
+    let orientation = orientation.map_err(|what| Fault::new("orientation", what))?;
+    Ok(Pose::new(pose.position, orientation))
 }
 
 fn check_view(view: &View) -> Result<View, Fault> {
-    check_position(view.position_in_world)?;
-    let q = view.orientation;
-    let orientation =
-        unit_quaternion(q.x, q.y, q.z, q.w).map_err(|what| Fault::new("orientation", what))?;
+    let pose = check_pose(&Pose::new(view.position_in_world, view.orientation))?;
     check_fov(&view.fov).map_err(|fault| fault.under("fov"))?;
     Ok(View {
-        orientation,
+        orientation: pose.orientation,
         ..*view
     })
 }

@@ -87,15 +87,16 @@ fn lab<T>(name: &str, max_samples: u32, with: impl FnOnce(&mut Lab<'_>) -> T) ->
     let settings = Settings::default();
     let library = ShaderLibrary::embedded();
     let mut silent = Silent;
-    let mut lab = Lab::new(
-        &out,
-        &settings,
-        machine.clone(),
-        library.clone(),
-        Journal::open(&out.join("journal.jsonl")).unwrap(),
-        References::open(&out, max_samples, library, machine),
-        &mut silent,
-    );
+    let mut lab = Lab {
+        out: &out,
+        settings: &settings,
+        machine: machine.clone(),
+        library: library.clone(),
+        journal: Journal::open(&out.join("journal.jsonl")).unwrap(),
+        references: References::open(&out, max_samples, library, machine),
+        progress: &mut silent,
+        known: Known::default(),
+    };
     let result = with(&mut lab);
     std::fs::remove_dir_all(&out).unwrap();
     result

@@ -96,7 +96,7 @@ impl FrameSpec<'_> {
     }
 
     fn eyes(&self) -> &'static [Eye] {
-        if self.both { &Eye::BOTH } else { &[Eye::Left] }
+        if self.both { &Eye::ALL } else { &[Eye::Left] }
     }
 }
 

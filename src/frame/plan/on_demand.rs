@@ -70,7 +70,7 @@ pub(super) fn after(frame: &FrameSpec<'_>) -> PlannedStage {
 #[must_use]
 pub fn present(settings: &RenderSettings, passes: &[&Pass]) -> PlannedStage {
     let mut steps = Steps::of_eye(Stage::Present.name(), Eye::Left);
-    for eye in Eye::BOTH {
+    for eye in Eye::ALL {
         steps.turn_to(Stage::Present.name(), eye);
         for pass in passes {
             let size = match pass.over {

@@ -69,11 +69,8 @@ impl<'a> Geometry<'a> {
 
     /// Direction from the eye to what is under a point of the window; unit length.
     fn ray(&self, at: Pos2) -> DVec3 {
-        let t = self.view.fov.tangents();
         let [x, y] = <[f32; 2]>::from((at - self.area.min) / self.area.size()).map(f64::from);
-        let x = t.left + x * (t.right - t.left);
-        let y = t.up - y * (t.up - t.down);
-        (self.view.orientation * DVec3::new(x, y, -1.0)).normalize()
+        self.view.ray_through_pixel(x, y, 1, 1).direction
     }
 
     fn direction_to_eye(&self) -> DVec3 {

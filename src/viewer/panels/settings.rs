@@ -5,7 +5,7 @@ use std::sync::Arc;
 use egui::{CollapsingHeader, Color32, ComboBox, Context, DragValue, Key, RichText, TextEdit, Ui};
 use serde_json::{Value, json};
 
-use crate::options::SettingsFile as _;
+use crate::options;
 use crate::settings::{Kind, Setting, Settings, registry};
 use crate::viewer::app::App;
 use crate::viewer::layout::Layout;
@@ -90,7 +90,7 @@ fn store(app: &mut App, context: &Context, settings: Settings) {
 
 /// Changes a setting, or notes why it cannot be that.
 fn set(app: &mut App, context: &Context, setting: &Setting, new: &Value) {
-    match app.panel_settings().with(setting.key, new) {
+    match options::changed(app.panel_settings(), setting.key, new) {
         Ok(settings) => {
             app.fields.refused = None;
             store(app, context, settings);

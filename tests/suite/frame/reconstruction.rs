@@ -161,7 +161,7 @@ fn equal_eyes_move_alike() {
             let step = Pose::new(DVec3::X * (0.01 * f64::from(frame)), DQuat::IDENTITY);
             let views = parallel_views(head.then(&step), ipd_m, square_fov(21.0));
             renderer.render_frame(&views, frame, |_| {}).unwrap();
-            let [left, right] = Eye::BOTH.map(|eye| motion(&renderer, eye));
+            let [left, right] = Eye::ALL.map(|eye| motion(&renderer, eye));
             let moved = left.iter().filter(|moved| moved[0].abs() > 0.1).count();
             match frame {
                 2 => {
@@ -267,7 +267,7 @@ fn sharing_makes_the_eyes_agree() {
         let settings = filtered(Reuse::Off, |s| s.reconstruct.stereo = stereo);
         let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
         play(&mut renderer, &views, 0..16);
-        let [left_seen, seen] = Eye::BOTH.map(|eye| renderer.read_motion(eye).unwrap().unwrap().0);
+        let [left_seen, seen] = Eye::ALL.map(|eye| renderer.read_motion(eye).unwrap().unwrap().0);
         // Pairs in f64: the right pixel's point in the left image, there at the same distance to 1 %.
         let partner = |(pixel, record): (usize, &[u32; 4])| {
             let distance = f64::from(f32::from_bits(record[0]));

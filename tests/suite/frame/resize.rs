@@ -27,7 +27,7 @@ fn picture(renderer: &Renderer) -> ([Vec<[u32; 3]>; 2], Option<Vec<u32>>, Vec<Ve
 /// Images that only some settings have, as bits: the light in parts, what was seen and how it moved, variances.
 fn others(renderer: &Renderer) -> Vec<Vec<u32>> {
     let mut all = Vec::new();
-    for eye in Eye::BOTH {
+    for eye in Eye::ALL {
         if let Some(parts) = renderer.read_parts(eye).unwrap() {
             all.extend(
                 [parts.direct, parts.indirect, parts.albedo].map(|part| bits(&part).concat()),

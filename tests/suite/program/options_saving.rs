@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 use stereolux::options::layers::Layers;
-use stereolux::options::{Extent, SettingsFile as _, example_toml};
+use stereolux::options::{Extent, changed, example_toml, save, to_toml, with_paths_in};
 use stereolux::settings::registry::{self, sections};
 use stereolux::settings::{Kind, Settings, UserDomain, UserPass};
 
@@ -68,14 +68,14 @@ fn random_settings_survive_writing_and_reading() {
             if random.below(3) == 0 {
                 let value = random_value(&mut random, setting.kind);
                 // Ways to gather that do not go together are refused, and the settings stay.
-                if let Ok(changed) = settings.with(setting.key, &value) {
-                    settings = changed;
+                if let Ok(other) = changed(&settings, setting.key, &value) {
+                    settings = other;
                     taken += 1;
                 }
             }
         }
         for extent in [Extent::Changed, Extent::All] {
-            let text = settings.to_toml(extent);
+            let text = to_toml(&settings, extent);
             assert_eq!(from_toml(&text), settings, "{text}");
         }
     }
@@ -85,10 +85,10 @@ fn random_settings_survive_writing_and_reading() {
 #[test]
 fn only_what_differs_is_written_with_its_explanation() {
     let plain = Settings::default();
-    assert_eq!(plain.to_toml(Extent::Changed).lines().count(), 1);
-    let changed = plain.with("photon.count", &json!(1000)).unwrap();
-    let changed = changed.with("spp", &json!(4)).unwrap();
-    let text = changed.to_toml(Extent::Changed);
+    assert_eq!(to_toml(&plain, Extent::Changed).lines().count(), 1);
+    let once = changed(&plain, "photon.count", &json!(1000)).unwrap();
+    let twice = changed(&once, "spp", &json!(4)).unwrap();
+    let text = to_toml(&twice, Extent::Changed);
     let expected = "
 # samples per pixel and frame, averaged (samples per pixel, a whole number from 1 to 1048576)
 spp = 4
@@ -97,7 +97,7 @@ spp = 4
 # photons emitted per frame (photons, a whole number from 0 to 67108864)
 count = 1000";
     assert!(text.lines().skip(1).eq(expected.lines()), "{text}");
-    let all = plain.to_toml(Extent::All);
+    let all = to_toml(&plain, Extent::All);
     for setting in registry::all() {
         let key = setting.key.rsplit('.').next().unwrap();
         let unset = setting.default_value().is_null();
@@ -124,20 +124,20 @@ fn settings_are_changed_by_key_with_the_checks_of_set() {
     ] {
         let mut layers = Layers::default();
         let by_set = layers.add_set(argument).unwrap_err();
-        assert_eq!(plain.with(key, &value).unwrap_err(), by_set);
+        assert_eq!(changed(&plain, key, &value).unwrap_err(), by_set);
     }
-    let fused = plain.with("photon.schedule", &json!("fused")).unwrap();
-    let error = fused.with("photon.search", &json!("kd-tree")).unwrap_err();
+    let fused = changed(&plain, "photon.schedule", &json!("fused")).unwrap();
+    let error = changed(&fused, "photon.search", &json!("kd-tree")).unwrap_err();
     assert!(error.to_string().contains(" needs "), "{error}");
 
-    let sized = plain.with("size", &json!([640, 480])).unwrap();
+    let sized = changed(&plain, "size", &json!([640, 480])).unwrap();
     assert_eq!(sized.value("size"), json!([640, 480]));
-    assert_eq!(sized.with("size", &Value::Null).unwrap(), plain);
-    assert!(plain.with("spp", &Value::Null).is_err());
+    assert_eq!(changed(&sized, "size", &Value::Null).unwrap(), plain);
+    assert!(changed(&plain, "spp", &Value::Null).is_err());
     for setting in registry::all() {
         let value = plain.value(setting.key);
         assert_eq!(value, setting.default_value());
-        assert_eq!(plain.with(setting.key, &value).unwrap(), plain);
+        assert_eq!(changed(&plain, setting.key, &value).unwrap(), plain);
     }
 }
 
@@ -185,7 +185,7 @@ fn the_example_is_what_the_table_gives_and_holds_the_defaults() {
     assert_eq!(settings, registry::all().count());
     let taken = from_toml(&uncommented);
     assert!(taken.size.is_some());
-    let unsized_again = taken.with("size", &Value::Null).unwrap();
+    let unsized_again = changed(&taken, "size", &Value::Null).unwrap();
     assert_eq!(unsized_again, Settings::default());
 }
 
@@ -205,7 +205,7 @@ fn a_saved_file_works_from_another_folder() {
         after: "taa".to_owned(),
         over: UserDomain::default(),
     }];
-    let placed = settings.with_paths_in(Path::new("/home/me"));
+    let placed = with_paths_in(&settings, Path::new("/home/me"));
     assert_eq!(placed.scene, "/home/me/scenes/room.glb");
     assert_eq!(placed.headset, "/home/me/mine.toml");
     assert_eq!(placed.environment.path, "/absolute/sky.hdr");
@@ -215,15 +215,15 @@ fn a_saved_file_works_from_another_folder() {
     assert_eq!(passes[0].file, Path::new("/home/me/passes/glow.wesl"));
     // What names no file stays empty.
     let names = Settings::default();
-    assert_eq!(names.with_paths_in(Path::new("/home/me")), names);
+    assert_eq!(with_paths_in(&names, Path::new("/home/me")), names);
 
     let folder = Folder::new("options-saving");
     let path = folder.join("mine.toml");
-    let saved = names.with("photon.count", &json!(777)).unwrap();
-    saved.save(&path, Extent::Changed).unwrap();
+    let saved = changed(&names, "photon.count", &json!(777)).unwrap();
+    save(&saved, &path, Extent::Changed).unwrap();
     assert_eq!(from_toml(&std::fs::read_to_string(&path).unwrap()), saved);
     assert_success(&stereolux(&["info", "--config", path.to_str().unwrap()]));
-    let error = saved.save(folder.path(), Extent::All).unwrap_err();
+    let error = save(&saved, folder.path(), Extent::All).unwrap_err();
     let error = error.to_string();
     assert_says(&error, &["settings cannot be written"]);
     assert!(!error.contains('\n'), "{error}");

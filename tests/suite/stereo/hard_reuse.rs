@@ -211,13 +211,13 @@ fn means(
     if *name == "parade" {
         renderer.set_pose(&torn(scene, 0.3));
     }
-    let mut values = Eye::BOTH.map(|_| vec![Vec::new(); BLOCKS * BLOCKS + 1]);
+    let mut values = Eye::ALL.map(|_| vec![Vec::new(); BLOCKS * BLOCKS + 1]);
     let mut reused = 0.0;
     for index in 0..FRAMES {
         let result = renderer.render_frame(views, index, |_| {}).unwrap();
         let [taken, rest] = [result.stereo.reused, result.stereo.filled].map(f64::from);
         reused += taken / (taken + rest).max(1.0) / f64::from(FRAMES);
-        for (values, eye) in values.iter_mut().zip(Eye::BOTH) {
+        for (values, eye) in values.iter_mut().zip(Eye::ALL) {
             for (values, value) in values.iter_mut().zip(blocks(&radiance(&renderer, eye))) {
                 values.push(value);
             }
@@ -282,7 +282,7 @@ fn what_is_not_carried_and_what_is_none_is_noticed() {
             "sky",
             Method::Path,
             "passes/path_trace",
-            "note_emitted(path, radiance * weight);",
+            "(*path).arriving += arriving;",
         ),
     ] {
         let case = cases().into_iter().find(|case| case.0 == name).unwrap();

@@ -117,7 +117,7 @@ pub fn images(
     views: &[View; 2],
 ) -> [Vec<[f32; 3]>; 2] {
     let images = both(&rendered(scene, settings, size, views));
-    for (image, eye) in images.iter().zip(Eye::BOTH) {
+    for (image, eye) in images.iter().zip(Eye::ALL) {
         assert_clean(image, &format!("{} {eye:?}", scene.name));
         assert_eq!(image.len(), (size[0] * size[1]) as usize);
     }

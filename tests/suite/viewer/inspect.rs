@@ -18,7 +18,7 @@ use super::support::*;
 use crate::suite::embedded_scenes::plane;
 
 pub const SIZE: [u32; 2] = [40, 32];
-const EYES: [Eye; 2] = Eye::BOTH;
+const EYES: [Eye; 2] = Eye::ALL;
 
 pub fn surfaces(renderer: &mut Renderer, eye: Eye) -> Vec<SeenSurface> {
     let library = ShaderLibrary::embedded();

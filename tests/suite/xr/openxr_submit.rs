@@ -150,7 +150,7 @@ fn runtime_and_mirror_get_the_reconstructed_picture() {
                 // The other eye's picture, another curve's and the frame without reconstruction are others.
                 assert!(furthest(&pictures[1 - eye]) > 20, "{what}");
                 assert!(furthest(&aces[eye]) > 20, "{what}");
-                let raw = renderer.read_samples(Eye::BOTH[eye]).unwrap().unwrap();
+                let raw = renderer.read_samples(Eye::ALL[eye]).unwrap().unwrap();
                 let raw = png_of(raw, Tone::Agx);
                 assert!(index == 0 || furthest(&raw) > 20, "{what}, frame {index}");
             }
@@ -389,7 +389,7 @@ fn surroundings_let_the_room_through_and_surfaces_do_not() {
             (texels(&mut renderer, &views(), 0), renderer)
         };
         let ((plain, renderer), (through, _)) = (seen(false), seen(true));
-        for (eye, (plain, through)) in Eye::BOTH.into_iter().zip(plain.iter().zip(&through)) {
+        for (eye, (plain, through)) in Eye::ALL.into_iter().zip(plain.iter().zip(&through)) {
             let hits = hit_rays(&renderer, eye);
             let [mut covered, mut open] = [0; 2];
             for ((hit, plain), through) in hits.iter().zip(plain).zip(through) {
@@ -422,7 +422,7 @@ fn a_still_heads_alpha_is_the_mean_of_what_its_frames_cover() {
         let mut shown = [vec![], vec![]];
         for frame in 0..FRAMES {
             shown = texels(&mut renderer, &views(), frame);
-            let hits = Eye::BOTH.map(|eye| hit_rays(&renderer, eye)).concat();
+            let hits = Eye::ALL.map(|eye| hit_rays(&renderer, eye)).concat();
             let met = means.iter_mut().zip(hits).filter(|(_, hit)| hit[3] > 0.0);
             met.for_each(|(mean, _)| *mean += 255.0 / f64::from(FRAMES));
         }

@@ -1,7 +1,7 @@
 //! Typed reads from buffers. Every count is held against the bytes that are really there, and what it expands to against
 //! the load's budget, before memory is taken.
 
-use gltf::json;
+use gltf::json::accessor::sparse::Sparse;
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::validation::Checked;
 
@@ -30,6 +30,7 @@ struct Layout<'a> {
     multiplicity: usize,
     component: ComponentType,
     normalized: bool,
+    sparse: Option<&'a Sparse>,
 }
 
 impl<'a> Reader<'a> {
@@ -60,43 +61,37 @@ impl<'a> Reader<'a> {
         })
     }
 
-    fn accessor(&self, index: usize, place: &str) -> Result<&'a json::Accessor, SceneError> {
-        let root = &self.document.root;
-        root.accessors.get(index).ok_or_else(|| {
-            self.document.fault(format!(
-                "{place}: accessor {index} is out of range, there are {}",
-                root.accessors.len()
-            ))
-        })
+    fn fault(&self, index: usize, place: &str, what: &str) -> SceneError {
+        let document = self.document;
+        document.fault(format!("accessors[{index}] ({place}): {what}"))
     }
 
     fn layout(&self, index: usize, place: &str, matrices: bool) -> Result<Layout<'a>, SceneError> {
-        let accessor = self.accessor(index, place)?;
-        let fault = |what: String| {
-            self.document
-                .fault(format!("accessors[{index}] ({place}): {what}"))
-        };
+        let accessors = &self.document.root.accessors;
+        let accessor = accessors.get(index).ok_or_else(|| {
+            self.document.fault(format!(
+                "{place}: accessor {index} is out of range, there are {}",
+                accessors.len()
+            ))
+        })?;
+        let fault = |what: &str| self.fault(index, place, what);
         let (Checked::Valid(component), Checked::Valid(kind)) =
             (accessor.component_type, accessor.type_)
         else {
-            return Err(fault("unknown type".to_owned()));
+            return Err(fault("unknown type"));
         };
         if matrices && (kind != Type::Mat4 || component.0 != ComponentType::F32) {
-            return Err(fault("must hold 4x4 matrices of floats".to_owned()));
+            return Err(fault("must hold 4x4 matrices of floats"));
         }
         if !matrices && matches!(kind, Type::Mat2 | Type::Mat3 | Type::Mat4) {
-            return Err(fault(
-                "a matrix, where a scalar or vector belongs".to_owned(),
-            ));
+            return Err(fault("a matrix, where a scalar or vector belongs"));
         }
         let component = component.0;
         let multiplicity = kind.multiplicity();
         let element_size = component.size() * multiplicity;
         let count = accessor.count.0;
         if count == 0 {
-            return Err(fault(
-                "count is 0; leave the accessor out instead".to_owned(),
-            ));
+            return Err(fault("count is 0; leave the accessor out instead"));
         }
         let mut layout = Layout {
             data: None,
@@ -105,6 +100,7 @@ impl<'a> Reader<'a> {
             multiplicity,
             component,
             normalized: accessor.normalized,
+            sparse: accessor.sparse.as_ref(),
         };
         let Some(view_index) = accessor.buffer_view else {
             return Ok(layout);
@@ -115,7 +111,7 @@ impl<'a> Reader<'a> {
             .byte_stride
             .map_or(element_size, |stride| stride.0);
         if stride < element_size {
-            return Err(fault(format!(
+            return Err(fault(&format!(
                 "byteStride {stride} of bufferViews[{view_index}] is less than the element's {element_size} bytes"
             )));
         }
@@ -124,26 +120,13 @@ impl<'a> Reader<'a> {
         let needed =
             u128::from(offset) + u128::from(count - 1) * stride as u128 + element_size as u128;
         if needed > bytes.len() as u128 {
-            return Err(fault(format!(
+            return Err(fault(&format!(
                 "{count} elements need {needed} bytes, bufferViews[{view_index}] has {}",
                 bytes.len()
             )));
         }
         (layout.data, layout.stride) = (bytes.get(offset as usize..), stride);
         Ok(layout)
-    }
-
-    /// Asks for the memory of what an accessor expands to.
-    fn take(&self, index: usize, layout: &Layout<'_>) -> Result<(), SceneError> {
-        let Layout {
-            count,
-            multiplicity,
-            ..
-        } = *layout;
-        let bytes = product(&[count as u64, multiplicity as u64, NUMBER_BYTES]);
-        let place = format!("accessors[{index}]");
-        self.document
-            .take(bytes, &place, format_args!("{count} elements"))
     }
 
     /// Number of an accessor's elements, which have their bytes in the buffer view, if there is one. Nothing is read.
@@ -160,38 +143,26 @@ impl<'a> Reader<'a> {
         place: &str,
     ) -> Result<(usize, Vec<f32>), SceneError> {
         let layout = self.layout(index, place, false)?;
-        let fault = |what: String| {
-            self.document
-                .fault(format!("accessors[{index}] ({place}): {what}"))
-        };
         if !allowed.contains(&layout.multiplicity) {
-            return Err(fault(format!(
+            let what = format!(
                 "has {} components per element, {allowed:?} would fit",
                 layout.multiplicity
-            )));
+            );
+            return Err(self.fault(index, place, &what));
         }
         if layout.component == ComponentType::U32 {
-            return Err(fault(
-                "32-bit integers are allowed for indices only".to_owned(),
-            ));
+            let what = "32-bit integers are allowed for indices only";
+            return Err(self.fault(index, place, what));
         }
-        self.take(index, &layout)?;
-        let mut values = read_all(&layout, |bytes| {
-            to_float(layout.component, layout.normalized, bytes)
-        });
-        self.apply_sparse(index, &layout, place, &mut values, |bytes| {
-            to_float(layout.component, layout.normalized, bytes)
-        })?;
-        Ok((layout.multiplicity, values))
+        let convert = |bytes: &[u8]| to_float(layout.component, layout.normalized, bytes);
+        Ok((layout.multiplicity, self.read(index, &layout, convert)?))
     }
 
     /// Reads an accessor of 4x4 matrices, column by column.
     pub fn read_matrices(&self, index: usize, place: &str) -> Result<Vec<[f32; 16]>, SceneError> {
         let layout = self.layout(index, place, true)?;
         let convert = |bytes: &[u8]| to_float(layout.component, false, bytes);
-        self.take(index, &layout)?;
-        let mut values = read_all(&layout, convert);
-        self.apply_sparse(index, &layout, place, &mut values, convert)?;
+        let values = self.read(index, &layout, convert)?;
         Ok(values.as_chunks::<16>().0.to_vec())
     }
 
@@ -203,29 +174,41 @@ impl<'a> Reader<'a> {
             ComponentType::U8 | ComponentType::U16 | ComponentType::U32
         );
         if layout.multiplicity != 1 || !is_index {
-            return Err(self.document.fault(format!(
-                "accessors[{index}] ({place}): indices must be unsigned scalars"
-            )));
+            return Err(self.fault(index, place, "indices must be unsigned scalars"));
         }
-        self.take(index, &layout)?;
-        let mut values = read_all(&layout, |bytes| to_index(layout.component, bytes));
-        self.apply_sparse(index, &layout, place, &mut values, |bytes| {
-            to_index(layout.component, bytes)
-        })?;
-        Ok(values)
+        self.read(index, &layout, |bytes| to_index(layout.component, bytes))
     }
 
-    /// Puts the substitutes of a sparse accessor (glTF 2.0, section 3.6.2.3) into `values`.
-    fn apply_sparse<T>(
+    /// Reads an accessor's components, after asking for the memory of what it expands to, and puts in the substitutes of a
+    /// sparse one (glTF 2.0, section 3.6.2.3).
+    fn read<T: Default + Clone>(
         &self,
         index: usize,
         layout: &Layout<'_>,
-        place: &str,
-        values: &mut [T],
         convert: impl Fn(&[u8]) -> T,
-    ) -> Result<(), SceneError> {
-        let Some(sparse) = &self.accessor(index, place)?.sparse else {
-            return Ok(());
+    ) -> Result<Vec<T>, SceneError> {
+        let (count, multiplicity) = (layout.count, layout.multiplicity);
+        let bytes = product(&[count as u64, multiplicity as u64, NUMBER_BYTES]);
+        let place = format!("accessors[{index}]");
+        self.document
+            .take(bytes, &place, format_args!("{count} elements"))?;
+        let component_size = layout.component.size();
+        let element_size = component_size * multiplicity;
+        let mut values = vec![T::default(); count * multiplicity];
+        let mut put = |element: usize, bytes: &[u8]| {
+            let slots = values[element * multiplicity..].iter_mut();
+            for (slot, bytes) in slots.zip(bytes.chunks_exact(component_size)) {
+                *slot = convert(bytes);
+            }
+        };
+        if let Some(data) = layout.data {
+            for element in 0..count {
+                // In bounds: `layout` has compared the last byte with the view's length.
+                put(element, &data[element * layout.stride..][..element_size]);
+            }
+        }
+        let Some(sparse) = layout.sparse else {
+            return Ok(values);
         };
         let place = format!("accessors[{index}].sparse");
         let Checked::Valid(index_component) = sparse.indices.component_type else {
@@ -234,8 +217,6 @@ impl<'a> Reader<'a> {
                 .fault(format!("{place}.indices: unknown type")));
         };
         let index_component = index_component.0;
-        let component_size = layout.component.size();
-        let element_size = component_size * layout.multiplicity;
         let section =
             |view: usize, offset: u64, size: usize, what: &str| -> Result<&'a [u8], SceneError> {
                 let bytes = self.view(view, &format!("{place}.{what}"))?;
@@ -266,38 +247,15 @@ impl<'a> Reader<'a> {
             .zip(sources.chunks_exact(element_size))
         {
             let target = to_index(index_component, target) as usize;
-            if target >= layout.count {
+            if target >= count {
                 return Err(self.document.fault(format!(
-                    "{place}.indices: element {target} is out of range, there are {}",
-                    layout.count
+                    "{place}.indices: element {target} is out of range, there are {count}"
                 )));
             }
-            let components = source.chunks_exact(component_size).map(&convert);
-            for (slot, value) in values[target * layout.multiplicity..]
-                .iter_mut()
-                .zip(components)
-            {
-                *slot = value;
-            }
+            put(target, source);
         }
-        Ok(())
+        Ok(values)
     }
-}
-
-fn read_all<T: Default + Clone>(layout: &Layout<'_>, convert: impl Fn(&[u8]) -> T) -> Vec<T> {
-    let total = layout.count * layout.multiplicity;
-    let Some(data) = layout.data else {
-        return vec![T::default(); total];
-    };
-    let component_size = layout.component.size();
-    let element_size = component_size * layout.multiplicity;
-    let mut values = Vec::with_capacity(total);
-    for element in 0..layout.count {
-        // In bounds: `layout` has compared the last byte with the view's length.
-        let bytes = &data[element * layout.stride..element * layout.stride + element_size];
-        values.extend(bytes.chunks_exact(component_size).map(&convert));
-    }
-    values
 }
 
 fn to_float(component: ComponentType, normalized: bool, bytes: &[u8]) -> f32 {

@@ -4,7 +4,7 @@
 use glam::DVec2;
 use openxr as xr;
 
-use super::hands::Hands;
+use super::hands::{Asked, Hands};
 use super::own_actions::OwnActions;
 use super::runtime::{Runtime, RuntimeError, failed, names};
 use super::states::{held, stick};
@@ -12,7 +12,6 @@ use super::trackers::Trackers;
 use crate::actions::Actions;
 use crate::profiles::{Drives, PROFILES, Profile};
 use crate::{Input, Pulse, PulseOf};
-use stereolux_base::pose::Pose;
 
 /// What the wearer does in one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -210,19 +209,12 @@ impl Controls {
         Ok(wishes)
     }
 
-    /// What an application sees at `time`, from the last sync: `base` lies in the world at `world_from_base`.
-    pub(super) fn locate<G>(
-        &self,
-        session: &xr::Session<G>,
-        base: &xr::Space,
-        world_from_base: &Pose,
-        time: xr::Time,
-    ) -> xr::Result<Input> {
-        let mut input = self.hands.read(session, base, world_from_base, time)?;
-        self.trackers
-            .read(&mut input, base, world_from_base, time)?;
+    /// What an application sees, from the last sync.
+    pub(super) fn locate<G>(&self, session: &xr::Session<G>, at: &Asked<'_>) -> xr::Result<Input> {
+        let mut input = self.hands.read(session, at)?;
+        self.trackers.read(&mut input, at)?;
         if let Some(own) = &self.own {
-            input.actions = own.read(session, base, world_from_base, time)?;
+            input.actions = own.read(session, at)?;
         }
         Ok(input)
     }

@@ -120,21 +120,15 @@ impl Hands {
         Ok(())
     }
 
-    /// What the hands do at `time`, from the last sync: `base` lies in the world at `world_from_base`.
-    pub(super) fn read<G>(
-        &self,
-        session: &xr::Session<G>,
-        base: &xr::Space,
-        world_from_base: &Pose,
-        time: xr::Time,
-    ) -> xr::Result<Input> {
+    /// What the hands do, from the last sync.
+    pub(super) fn read<G>(&self, session: &xr::Session<G>, at: &Asked<'_>) -> xr::Result<Input> {
         let mut input = Input::default();
         let Some(spaces) = &self.spaces else {
             return Ok(input);
         };
         for ((hand, path), [grip, aim]) in input.hands.iter_mut().zip(self.paths).zip(spaces) {
-            hand.grip = tracked(grip, base, world_from_base, time)?;
-            hand.aim = tracked(aim, base, world_from_base, time)?;
+            hand.grip = at.tracked(grip)?;
+            hand.aim = at.tracked(aim)?;
             self.read_buttons(session, path, hand)?;
         }
         Ok(input)
@@ -176,31 +170,30 @@ pub(super) fn is_valid(flags: xr::SpaceLocationFlags) -> bool {
     )
 }
 
-/// A space in the world; `None` while the runtime does not know where it is.
-pub(super) fn tracked(
-    space: &xr::Space,
-    base: &xr::Space,
-    world_from_base: &Pose,
-    time: xr::Time,
-) -> xr::Result<Option<Tracked>> {
-    let (location, velocity) = interop::relate(space, base, time)?;
-    if !is_valid(location.location_flags) {
-        return Ok(None);
+/// When places are asked for, and where the space that they are told in lies in the world then.
+pub(super) struct Asked<'a> {
+    pub(super) base: &'a xr::Space,
+    pub(super) world_from_base: Pose,
+    pub(super) time: xr::Time,
+}
+
+impl Asked<'_> {
+    /// A space in the world; `None` while the runtime does not know where it is.
+    pub(super) fn tracked(&self, space: &xr::Space) -> xr::Result<Option<Tracked>> {
+        let (location, velocity) = interop::relate(space, self.base, self.time)?;
+        if !is_valid(location.location_flags) {
+            return Ok(None);
+        }
+        let in_world = |flag, v: xr::Vector3f| {
+            let is_known = velocity.velocity_flags.contains(flag);
+            let known = is_known.then(|| self.world_from_base.orientation * vector_of(v));
+            known.unwrap_or(DVec3::ZERO)
+        };
+        use xr::SpaceVelocityFlags as Flags;
+        Ok(Some(Tracked {
+            pose: self.world_from_base.then(&pose_of(&location.pose)),
+            linear_velocity: in_world(Flags::LINEAR_VALID, velocity.linear_velocity),
+            angular_velocity: in_world(Flags::ANGULAR_VALID, velocity.angular_velocity),
+        }))
     }
-    let in_world = |flag, v: xr::Vector3f| {
-        let is_known = velocity.velocity_flags.contains(flag);
-        let known = is_known.then(|| world_from_base.orientation * vector_of(v));
-        known.unwrap_or(DVec3::ZERO)
-    };
-    Ok(Some(Tracked {
-        pose: world_from_base.then(&pose_of(&location.pose)),
-        linear_velocity: in_world(
-            xr::SpaceVelocityFlags::LINEAR_VALID,
-            velocity.linear_velocity,
-        ),
-        angular_velocity: in_world(
-            xr::SpaceVelocityFlags::ANGULAR_VALID,
-            velocity.angular_velocity,
-        ),
-    }))
 }

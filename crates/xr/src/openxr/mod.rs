@@ -33,6 +33,7 @@ pub use runtime::{Runtime, RuntimeError};
 use self::controller_models::ControllerModels;
 use self::controls::Wishes;
 use self::display_clock::DisplayClock;
+use self::hands::Asked;
 use self::lifecycle::Step;
 use self::live::{Live, UnderWay};
 use self::locomotion::Locomotion;
@@ -483,14 +484,16 @@ impl XrSession for OpenXrSession {
     fn locate_input(&mut self, display_time_ns: i64) -> Result<Input, XrError> {
         self.order.may_locate("locate_input")?;
         let time = self.clock.of_runtime(display_time_ns);
-        let world_from_space = self.locomotion.world_from_space();
+        let world_from_base = self.locomotion.world_from_space();
         let Some(live) = self.usable() else {
             return Ok(Input::default());
         };
-        let read = live
-            .controls
-            .locate(&live.session, &live.space, &world_from_space, time);
-        let input = read.or_else(|error| {
+        let at = Asked {
+            base: &live.space,
+            world_from_base,
+            time,
+        };
+        let input = live.controls.locate(&live.session, &at).or_else(|error| {
             self.fail("reading the hands", error)
                 .map(|()| Input::default())
         })?;

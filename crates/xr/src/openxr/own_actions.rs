@@ -2,11 +2,10 @@
 
 use openxr as xr;
 
-use super::hands::tracked;
+use super::hands::Asked;
 use super::states::{held, pull, stick};
 use crate::actions::{Action, ActionKind, Actions};
 use crate::{ActionValue, ActionValues};
-use stereolux_base::pose::Pose;
 
 /// What an application declared, made.
 pub(super) struct OwnActions {
@@ -91,13 +90,11 @@ impl OwnActions {
         Ok(())
     }
 
-    /// What they are at `time`, from the last sync: `base` lies in the world at `world_from_base`.
+    /// What they are, from the last sync.
     pub(super) fn read<G>(
         &self,
         session: &xr::Session<G>,
-        base: &xr::Space,
-        world_from_base: &Pose,
-        time: xr::Time,
+        at: &Asked<'_>,
     ) -> xr::Result<ActionValues> {
         let mut values = ActionValues::default();
         let any = xr::Path::NULL;
@@ -106,9 +103,7 @@ impl OwnActions {
                 Made::Bool(action) => ActionValue::Bool(held(action, session, any)?),
                 Made::Float(action) => ActionValue::Float(pull(action, session, any, -1.0)?),
                 Made::Vec2(action) => ActionValue::Vec2(stick(action, session, any)?),
-                Made::Pose(_, Some(space)) => {
-                    ActionValue::Pose(tracked(space, base, world_from_base, time)?)
-                }
+                Made::Pose(_, Some(space)) => ActionValue::Pose(at.tracked(space)?),
                 Made::Pose(_, None) | Made::Haptic(_) => continue,
             };
             values.set(&action.name, value);

@@ -3,7 +3,7 @@
 
 use openxr as xr;
 
-use super::hands::is_valid;
+use super::hands::{Asked, is_valid};
 use super::pose_of;
 use super::runtime::Runtime;
 use crate::input::{Input, JOINTS, Joint};
@@ -52,20 +52,19 @@ impl Trackers {
         Ok(())
     }
 
-    /// Adds what they see at `time`: `base` lies in the world at `world_from_base`.
-    pub(super) fn read(
-        &self,
-        input: &mut Input,
-        base: &xr::Space,
-        world_from_base: &Pose,
-        time: xr::Time,
-    ) -> xr::Result<()> {
+    /// Adds what they see.
+    pub(super) fn read(&self, input: &mut Input, at: &Asked<'_>) -> xr::Result<()> {
+        let Asked {
+            base,
+            world_from_base,
+            time,
+        } = at;
         for (hand, tracker) in input.hands.iter_mut().zip(self.hands.iter().flatten()) {
-            let joints = interop::locate_joints(tracker, base, time)?;
+            let joints = interop::locate_joints(tracker, base, *time)?;
             hand.joints = joints.and_then(|joints| in_world(world_from_base, &joints));
         }
         if let Some((_, Some(space))) = &self.gaze {
-            let (location, _) = interop::relate(space, base, time)?;
+            let (location, _) = interop::relate(space, base, *time)?;
             // A gaze that is valid and not tracked is "sub-nominal" (XR_EXT_eye_gaze_interaction, "Eye gaze input"): a
             // guess that nothing should be aimed by.
             let tracked = xr::SpaceLocationFlags::POSITION_TRACKED
