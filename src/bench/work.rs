@@ -85,6 +85,8 @@ fn settings_of(settings: &Settings, method: Method) -> Settings {
     render.photon.every_frame = true;
     render.output.work = true;
     render.gpu.timestamps = false.into();
+    // A wearer's head moves.
+    render.reconstruct.still = false.into();
     render.decide_switches(true);
     settings
 }

@@ -165,8 +165,8 @@ passes! {
         "Writes what the pixels' centres see, a surface or what shows in it, and its motion since the previous frame.";
     svgf_temporal: SeenTiles,
         "SVGF: accumulates light over frames by reprojection.";
-    svgf_variance: SeenTiles,
-        "SVGF: estimates the variance of the accumulated light.";
+    svgf_young: SeenTiles,
+        "SVGF: estimates the variance of light with a short history by its neighbours, and limits it to theirs.";
     svgf_atrous: SeenTiles,
         "SVGF: one pass of the a-trous wavelet filter.";
     remodulate: SeenTiles scene,

@@ -156,7 +156,7 @@ choices! {
 
     /// Passes of the a-trous wavelet filter (`reconstruct.atrous_passes`).
     pub enum AtrousPasses {
-        /// 3 for paths; 2 for photons, whose noise is as wide as their discs
+        /// 3 for paths; 1 for photons, whose noise is as wide as their discs
         Auto = "auto",
         /// None
         Zero = "0",
@@ -376,7 +376,7 @@ impl AtrousPasses {
     pub fn with(self, method: Method) -> u32 {
         match (self, method) {
             (Self::Auto, Method::Path) => 3,
-            (Self::Auto, Method::Photon) => 2,
+            (Self::Auto, Method::Photon) => 1,
             _ => self as u32 - Self::Zero as u32,
         }
     }

@@ -1,7 +1,7 @@
 //! Denoising and anti-aliasing.
 
 use super::FrameSpec;
-use crate::frame::passes::{self, Pass};
+use crate::frame::passes;
 use crate::frame::step::{Eye, List, Size, Stage, Step, Steps};
 
 /// Where light is on its way through the filter: a buffer of direct and indirect light.
@@ -65,14 +65,21 @@ pub(super) fn reconstruct(frame: &FrameSpec<'_>) -> Vec<Step> {
 
 /// Accumulates an eye's light over frames and filters it by its variance. Returns its buffer.
 fn svgf(steps: &mut Steps, passes: u32) -> Light {
-    run(steps, &passes::svgf_temporal, &[(MEAN, PING)]);
+    let seen = Size::List(List::SEEN);
+    steps
+        .run(&passes::svgf_temporal, seen)
+        .appends(List::YOUNG)
+        .names(&[(MEAN, PING)]);
+    steps.set_up(List::YOUNG);
     // What the next frame reads is what the first pass of the wavelet leaves, or what there is without one.
-    let mut from = if passes == 0 { HISTORY } else { PONG };
-    run(
-        steps,
-        &passes::svgf_variance,
-        &[(MEAN, PING), ("light_filtered", from)],
-    );
+    let (young, over) = match passes {
+        0 => (HISTORY, seen),
+        _ => (PONG, Size::List(List::YOUNG)),
+    };
+    steps
+        .run(&passes::svgf_young, over)
+        .names(&[(MEAN, PING), ("light_young", young)]);
+    let mut from = if passes == 0 { HISTORY } else { PING };
     for index in 0..passes {
         // The last one leaves light where it is the eye's own.
         let to = match (index, (passes - 1 - index) % 2) {
@@ -80,22 +87,16 @@ fn svgf(steps: &mut Steps, passes: u32) -> Light {
             (_, 0) => PING,
             _ => PONG,
         };
-        let step = run(
-            steps,
-            &passes::svgf_atrous,
-            &[("light_from", from), ("light_to", to)],
-        );
-        step.words(index, 0, 0);
+        let young = if index == 0 { PONG } else { from };
+        steps
+            .run(&passes::svgf_atrous, seen)
+            .words(index, 0, 0)
+            .names(&[
+                ("light_from", from),
+                ("light_young", young),
+                ("light_to", to),
+            ]);
         from = to;
     }
     from
-}
-
-/// A pass over the tiles in which the eye sees a surface.
-fn run<'a>(
-    steps: &'a mut Steps,
-    pass: &Pass,
-    names: &[(&'static str, &'static str)],
-) -> &'a mut Step {
-    steps.run(pass, Size::List(List::SEEN)).names(names)
 }
