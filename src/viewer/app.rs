@@ -17,7 +17,6 @@ use super::loading::Loading;
 use super::panels::paths::{PathQuestion, Purpose};
 use super::panels::settings;
 use super::question::Question;
-use super::save_files::Stamp;
 use super::selection::Selection;
 use super::session::{Player, Recording};
 use super::sketch::{Stand, Wish};
@@ -26,6 +25,7 @@ use super::view_pictures::{Stock, ViewPictures};
 use super::window_state::WindowState;
 use super::worker::{Report, Request, Worker};
 use super::zoom::Zoom;
+use crate::files::Stamp;
 use crate::renderer::Inspection;
 use crate::scene::Bounds;
 use crate::scene::edit::{Document, Edit, EditError};
@@ -147,6 +147,8 @@ pub struct App {
     pub(super) out: PathBuf,
     /// Files that this window wrote, and may write over while they are as it left them.
     pub(super) written: HashMap<PathBuf, Stamp>,
+    /// Where the scene that is open was saved last.
+    pub(super) saved_scene: Option<PathBuf>,
     /// Pixels per eye of a view that stands still.
     pub(super) size: [u32; 2],
     /// Which pictures the last pass drew, and where in the window, points.
@@ -244,6 +246,7 @@ impl App {
             document,
             out,
             written: HashMap::new(),
+            saved_scene: None,
             size,
             shown_at: Vec::new(),
             gamepad: Gamepad::open(),

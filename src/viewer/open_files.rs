@@ -50,7 +50,9 @@ impl App {
                 self.fields = Fields::new(&self.out, self.document.original());
                 let mut settings = (*self.settings).clone();
                 settings.scene.clone_from(&name);
+                settings.scene_scale = loaded.settings.scene_scale;
                 settings.environment = environment;
+                self.saved_scene = None;
                 // Clips have names of their own in each scene.
                 settings.render.animation.clip.clear();
                 Arc::make_mut(&mut self.other).render.animation.clip.clear();
@@ -153,11 +155,16 @@ impl App {
             self.asks = Some(Question::Open(spec));
             return;
         }
+        let mut settings = settings.clone();
+        // What this window has saved is as large as it was shown.
+        if self.written.contains_key(std::path::Path::new(&spec)) {
+            settings.scene_scale = 1.0;
+        }
         // A second file takes the place of one that is still being read.
         match Loading::begin(
             kind,
             spec,
-            settings,
+            &settings,
             self.is_auto_lit && settings.environment.path == self.environment.path,
             &self.headset,
             self.camera.pose(),

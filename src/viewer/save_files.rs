@@ -1,13 +1,13 @@
 //! Writing the scene and the settings, and never over a file of others unasked.
 
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
 use egui::Context;
 
 use super::app::App;
 use super::question::Question;
 use super::worker::decided;
+use crate::files::Stamp;
 use crate::options::{self, Extent};
 
 /// What is written to files.
@@ -17,24 +17,6 @@ pub enum Saved {
     Scene,
     /// The settings, as TOML.
     Settings,
-}
-
-/// By what a file is known to be as it was left: another program that writes it changes one or the other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Stamp {
-    bytes: u64,
-    modified: SystemTime,
-}
-
-impl Stamp {
-    /// `None` if the system does not tell.
-    fn of(path: &Path) -> Option<Self> {
-        let about = std::fs::metadata(path).ok()?;
-        Some(Self {
-            bytes: about.len(),
-            modified: about.modified().ok()?,
-        })
-    }
 }
 
 impl App {
@@ -62,17 +44,27 @@ impl App {
         let (written, use_of_it) = match what {
             Saved::Scene => {
                 let written = self.document.save(&path);
+                if written.is_ok() {
+                    self.saved_scene = Some(path.clone());
+                }
                 (written.map_err(|error| error.to_string()), "")
             }
             Saved::Settings => {
                 // What is shown is what is saved, whatever `auto` stands for where it is read.
                 let mut settings = decided(self.panel_settings());
                 settings.size = Some(self.size);
+                // A saved scene is what is shown, and is as large as it is shown.
+                if let Some(scene) = &self.saved_scene {
+                    settings.scene = scene.to_string_lossy().into_owned();
+                    settings.scene_scale = 1.0;
+                }
                 let written = options::save(&settings, &path, Extent::Changed);
-                (
-                    written.map_err(|error| error.to_string()),
-                    "; --config reads it",
-                )
+                let use_of_it = if self.document.is_modified() {
+                    "; --config reads it, with the scene as it was last saved"
+                } else {
+                    "; --config reads it"
+                };
+                (written.map_err(|error| error.to_string()), use_of_it)
             }
         };
         match written {

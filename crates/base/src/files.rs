@@ -8,7 +8,7 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Read, Write as _};
 use std::path::{Component, Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use crate::limits::LoadBudget;
 
@@ -231,6 +231,25 @@ pub fn write_beside(
     let mut file = Beside::create(path)?;
     write(&mut file.out)?;
     file.finish()
+}
+
+/// By what a file is known to be as it was left: another program that writes it changes one or the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamp {
+    bytes: u64,
+    modified: SystemTime,
+}
+
+impl Stamp {
+    /// `None` if the system does not tell.
+    #[must_use]
+    pub fn of(path: &Path) -> Option<Self> {
+        let about = fs::metadata(path).ok()?;
+        Some(Self {
+            bytes: about.len(),
+            modified: about.modified().ok()?,
+        })
+    }
 }
 
 /// A file that is being written beside its place; dropped before [`Beside::finish`], it is removed.

@@ -1,10 +1,11 @@
 //! A scene with the history of its edits, and the file that it came from.
 
 use std::collections::VecDeque;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::super::{Material, Node, PunctualLight, Scene, SceneError, builtin, import};
 use super::{Edit, EditError};
+use stereolux_base::files::Stamp;
 use stereolux_base::limits::{LoadBudget, LoadLimits};
 
 /// Steps that can be undone; older ones are forgotten.
@@ -27,6 +28,8 @@ pub struct Original {
     pub lights: Vec<PunctualLight>,
     /// What reading its files again may cost and reach.
     pub limits: LoadLimits,
+    /// Files of its buffers, as they were.
+    pub buffer_files: Vec<(PathBuf, Option<Stamp>)>,
 }
 
 impl Original {
@@ -47,6 +50,7 @@ impl Original {
             materials: scene.materials.clone(),
             lights: scene.lights.clone(),
             limits: LoadLimits::default(),
+            buffer_files: Vec::new(),
         }
     }
 }
@@ -101,11 +105,17 @@ impl Document {
             import::read_file(path, budget)?
         };
         let mut scene = import::from_bytes(path, &bytes, budget)?;
+        let again = LoadBudget::new(budget.limits());
+        let buffer_files = import::buffer_files(path, &bytes, &again)?
+            .into_iter()
+            .map(|file| (file.clone(), Stamp::of(&file)))
+            .collect();
         if is_embedded {
             scene.environment = builtin::environment(spec)?;
         }
         let original = Original {
             limits: budget.limits(),
+            buffer_files,
             ..Original::new(spec, bytes, &scene)
         };
         Ok(Self::new(scene, original))

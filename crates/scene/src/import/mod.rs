@@ -18,7 +18,7 @@ mod resources;
 pub(crate) mod tangents;
 
 use std::fmt::Display;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::needs::LeftOut;
 use super::{Scene, SceneError, SourceFacts, demand};
@@ -158,6 +158,19 @@ pub(super) struct RawParts<'a> {
     pub buffers: Vec<Buffer<'a>>,
     /// One per image: the bytes of those that lie in files of their own and are pictures.
     pub images: Vec<Option<Vec<u8>>>,
+}
+
+/// The files that a file's buffers lie in.
+pub(super) fn buffer_files(
+    path: &Path,
+    bytes: &[u8],
+    budget: &LoadBudget,
+) -> Result<Vec<PathBuf>, SceneError> {
+    let mut notes = Notes::default();
+    let file = container::split(path, bytes, &mut notes)?;
+    let document = Document::parse(path, file.json, budget)?;
+    let places = resources::locate(&document, &mut notes)?;
+    Ok(places.buffer_files().cloned().collect())
 }
 
 /// Takes a file apart: its JSON as it stands, and the bytes that it refers to.

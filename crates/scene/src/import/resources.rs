@@ -30,6 +30,14 @@ pub struct Places {
     images: Vec<Option<Found>>,
 }
 
+impl Places {
+    /// Files of buffers.
+    pub fn buffer_files(&self) -> impl Iterator<Item = &PathBuf> {
+        let files = self.buffers.iter().flatten();
+        files.filter_map(|found| found.as_ref().ok())
+    }
+}
+
 /// A file, or why there is none.
 type Found = Result<PathBuf, String>;
 

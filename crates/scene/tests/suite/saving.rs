@@ -231,6 +231,10 @@ fn what_was_not_edited_stays_and_the_file_stands_alone() {
         .unwrap();
     let saved = document.to_glb().unwrap();
     let wanted = plain(document.scene());
+    // Another program's bytes are not what was edited.
+    folder.write("first.bin", "more than three");
+    let error = document.to_glb().unwrap_err().to_string();
+    assert!(error.contains("first.bin: has changed"), "{error}");
     // Alone: everything beside it is gone.
     for name in ["first.bin", "the second.bin", "dots.png", "scene.gltf"] {
         std::fs::remove_file(folder.join(name)).unwrap();
