@@ -5,10 +5,13 @@ use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, aces_filmic, luminance};
 use stereolux::metrics::{binocular_error, error_image};
 use stereolux::renderer::{Eye, InstanceId, Renderer};
-use stereolux::scene::{Instance, Scene};
+use stereolux::scene::{
+    self, Filter, Instance, Material, Mesh, Node, Scene, Texture, TextureRef, Wrap,
+};
 use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
+use super::layout::changed;
 use super::support::{
     assert_clean, bits, both, builtin, mean, method, parallel_views, placed, play, radiance,
     renderer, renderer_by, square_fov, start_pose, start_views,
@@ -532,4 +535,100 @@ fn what_stays_lit_keeps_its_history_when_another_light_comes() {
         // Negative control: what forgets all of its history.
         assert!(anew > 2.0 * still, "{kind:?}: {anew} without history");
     }
+}
+
+/// A glossy floor with a checkerboard of two greys, before a lamp that it mirrors.
+fn glossy_board(greys: [u8; 2]) -> Scene {
+    let square = |corners: [[f32; 3]; 4], normal: [f32; 3], material| {
+        let mut mesh = Mesh::plain(
+            corners.to_vec(),
+            vec![normal; 4],
+            [[0, 1, 2], [0, 2, 3]],
+            material,
+        );
+        mesh.uv0 = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        mesh
+    };
+    let [near, far] = [2.0, -2.0];
+    let floor = [[-2.0, near], [2.0, near], [2.0, far], [-2.0, far]].map(|[x, z]| [x, -1.0, z]);
+    let lamp = [[-1.0, -0.5], [1.0, -0.5], [1.0, 1.5], [-1.0, 1.5]].map(|[x, y]| [x, y, -3.0]);
+    let texels = (0..24 * 24).flat_map(|at| {
+        let grey = greys[(at % 24 + at / 24) % 2];
+        [grey, grey, grey, 255]
+    });
+    let node = |mesh| Node {
+        mesh: Some(mesh),
+        ..Node::default()
+    };
+    Scene {
+        roots: vec![0, 1],
+        nodes: vec![node(0), node(1)],
+        meshes: vec![
+            square(floor, [0.0, 1.0, 0.0], 0),
+            square(lamp, [0.0, 0.0, 1.0], 1),
+        ],
+        materials: vec![
+            Material {
+                metallic: 0.0,
+                roughness: 0.3,
+                base_color_texture: Some(TextureRef {
+                    texture: 0,
+                    uv_set: 0,
+                    texcoord_from_uv: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+                }),
+                ..Material::default()
+            },
+            Material {
+                emission: [10.0; 3],
+                ..Material::lambert("lamp", [0.0; 3])
+            },
+        ],
+        images: vec![scene::Image {
+            name: "board".to_owned(),
+            width: 24,
+            height: 24,
+            rgba8: texels.collect(),
+        }],
+        textures: vec![Texture {
+            image: 0,
+            wrap_u: Wrap::Repeat,
+            wrap_v: Wrap::Repeat,
+            filter: Filter::Nearest,
+        }],
+        ..Scene::default()
+    }
+}
+
+/// What a lobe mirrors does not grow with the base below it, by which it is divided: it is mixed among like bases alone.
+#[test]
+fn highlights_on_textures_are_as_bright_as_they_were() {
+    let pose = Pose::new(DVec3::Z * 1.6, DQuat::IDENTITY);
+    let views = parallel_views(pose, IPD_M, square_fov(45.0));
+    let settings = filtered(Reuse::Off, |settings| settings.path.max_depth = 3);
+    let brightness = |library: &ShaderLibrary, greys| {
+        let scene = glossy_board(greys);
+        let renderer = renderer_by(library, &scene, &settings, Eyes::Left, [SIZE, SIZE]);
+        let mut renderer = renderer.unwrap();
+        let mut sum = 0.0;
+        for frame in 0..24 {
+            play(&mut renderer, &views, frame..frame + 1);
+            if frame >= 8 {
+                sum += mean(&radiance(&renderer, Eye::Left)) / 16.0;
+            }
+        }
+        sum / mean(&mean_of_frames(&scene, &views, 256))
+    };
+    let embedded = ShaderLibrary::embedded();
+    // 0.6 % is what a floor of one grey has, whose lamp's edge is noisy; 16 dependent frames leave as much again.
+    for greys in [[0, 230], [90, 200], [150, 150]] {
+        let found = brightness(&embedded, greys);
+        assert!((found - 1.0).abs() < 0.02, "{greys:?}: {found}");
+    }
+    let alike = changed(
+        "shared/reconstruction",
+        "-4.0 * octaves * octaves",
+        "0.0 * octaves",
+    );
+    let found = brightness(&alike, [0, 230]);
+    assert!(found > 1.03, "{found}");
 }

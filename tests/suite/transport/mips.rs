@@ -38,6 +38,7 @@ struct Answer {
     alpha: f32,
     spread: f32,
     width_m: f32,
+    glass_alpha: f32,
 }
 
 const TEXELS: u32 = 256;
@@ -90,6 +91,7 @@ fn answers_of(
         "normal_maps",
         "glossy",
         "dielectric",
+        "thin_walls",
         "mips",
     ];
     let kernel = probe(&context, include_str!("mips_probe.wesl"), &on);
@@ -138,7 +140,8 @@ fn the_level_is_the_logarithm_of_texels_per_ray() {
     }
 }
 
-/// Two normals at +-10 degrees, a texel each: where a ray covers many, they add their slopes' variance to alpha squared.
+/// Two normals at +-10 degrees, a texel each: where a ray covers many, they add their slopes' variance to alpha squared. They turn
+/// nothing that passes a thin wall, and widen nothing there.
 #[test]
 fn normals_that_a_ray_covers_make_a_surface_rougher() {
     let theta = 10.0_f64.to_radians();
@@ -157,7 +160,7 @@ fn normals_that_a_ray_covers_make_a_surface_rougher() {
             ..Material::default()
         };
         let queries = [query(0.0, 1.0), query(0.1, 1.0)];
-        let found = answers(scene.clone(), material, &queries);
+        let found = answers(scene.clone(), material.clone(), &queries);
         let plain = f64::from(roughness * roughness);
         let off = (f64::from(found[0].alpha) - plain).abs();
         assert!(off < 1e-6, "{found:?}");
@@ -166,6 +169,21 @@ fn normals_that_a_ray_covers_make_a_surface_rougher() {
         let tolerance = theta.tan() * (1.0 - theta.cos()) + 2.0 / 255.0;
         let off = (f64::from(found[1].alpha) - due).abs();
         assert!(off < tolerance, "{found:?}, {due}");
+        for is_open in [false, true] {
+            let glass = Material {
+                metallic: 0.0,
+                transmission: 1.0,
+                is_open,
+                ..material.clone()
+            };
+            let found = answers(scene.clone(), glass, &queries)[1];
+            let due = if is_open { plain } else { due };
+            let off = (f64::from(found.glass_alpha) - due).abs();
+            assert!(
+                off < tolerance.min(if is_open { 1e-6 } else { 1.0 }),
+                "{found:?}, {due}"
+            );
+        }
     }
 }
 

@@ -39,7 +39,7 @@ const TRACES: [(&str, &[&str], &[&str]); 7] = [
         &["environment_radiance", "emit_from_afar"],
         &["environment_map", "environment_cdf"],
     ),
-    ("emitters", &["emitter_cross", "sample_triangle"], &[]),
+    ("emitters", &["emitter_radiance", "sample_triangle"], &[]),
     ("spots", &["spot_attenuation", "emit_from_spot"], &[]),
 ];
 
