@@ -70,24 +70,22 @@ pub(super) fn source(
     };
     let mut source = unpaced_source(options, headset, start, hands, actions)?;
     let name = &source.name;
-    if let (Some(range), Some(frames)) = (&options.session.range, source.frames)
-        && range.start >= frames
-    {
-        return Err(Failure::unusable(format!(
-            "--range {}..{}: {name} has {frames} frame{}, counted from 0; begin below that",
-            range.start,
-            range.end,
-            if frames == 1 { "" } else { "s" },
-        )));
-    }
-    if let (Some(range), Some(frames)) = (&options.session.range, source.frames)
-        && range.end > frames
-    {
-        log::warn!(
-            "--range {0}..{1}: {name} has {frames} frames; {0}..{frames} is rendered",
-            range.start,
-            range.end
-        );
+    if let (Some(range), Some(frames)) = (&options.session.range, source.frames) {
+        if range.start >= frames {
+            return Err(Failure::unusable(format!(
+                "--range {}..{}: {name} has {frames} frame{}, counted from 0; begin below that",
+                range.start,
+                range.end,
+                if frames == 1 { "" } else { "s" },
+            )));
+        }
+        if range.end > frames {
+            log::warn!(
+                "--range {0}..{1}: {name} has {frames} frames; {0}..{frames} is rendered",
+                range.start,
+                range.end
+            );
+        }
     }
     source.announcement = unavailable.map(|reason| format!("session: {name}; {reason}"));
     Ok(source)

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use glam::DAffine3;
 
-use super::super::import::{NOT_FINITE, transform_fault};
+use super::super::import::{NOT_FINITE, fits_f32, transform_fault};
 use super::super::panes;
 use super::super::{LightKind, Material, Node, PunctualLight, Scene, Trs};
 use super::{Edit, EditError, NewContent, NewNode, Placement, Tail};
@@ -164,11 +164,7 @@ fn check_reach(scene: &Scene, index: usize, to: Placement) -> Result<(), EditErr
     let above = node.parent.map(|parent| scene.world_from_node(parent));
     let placed = above.unwrap_or_default() * to.parent_from_node();
     let below = scene.below(&node.children, placed, |_| true);
-    let is_beyond = |placed: &DAffine3| {
-        let mut numbers = placed.to_cols_array().into_iter();
-        numbers.any(|number| number.abs() > f64::from(f32::MAX))
-    };
-    if is_beyond(&placed) || below.into_iter().any(|(_, placed)| is_beyond(&placed)) {
+    if !fits_f32(&placed) || below.iter().any(|(_, placed)| !fits_f32(placed)) {
         return Err(value(&node.name, "its place would be beyond 32-bit floats"));
     }
     Ok(())
@@ -301,13 +297,8 @@ fn own_material(scene: &mut Scene, mesh: usize, material: usize) -> Result<Edit,
     }
     data.repainted.push([from, to]);
     scene.materials.push(copy);
-    find_open_again(scene);
-    Ok(Edit::SharedMaterial { mesh })
-}
-
-/// After triangles have changed materials.
-fn find_open_again(scene: &mut Scene) {
     panes::find_open(&mut scene.materials, &scene.meshes);
+    Ok(Edit::SharedMaterial { mesh })
 }
 
 fn shared_material(scene: &mut Scene, mesh: usize) -> Result<Edit, EditError> {
@@ -337,7 +328,7 @@ fn shared_material(scene: &mut Scene, mesh: usize) -> Result<Edit, EditError> {
         }
     }
     scene.materials.pop();
-    find_open_again(scene);
+    panes::find_open(&mut scene.materials, &scene.meshes);
     Ok(Edit::OwnMaterial {
         mesh,
         material: from as usize,

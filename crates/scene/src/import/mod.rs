@@ -24,7 +24,7 @@ use super::needs::LeftOut;
 use super::{Scene, SceneError, SourceFacts, demand};
 pub(super) use container::read_file;
 use document::Document;
-pub(super) use nodes::{NOT_FINITE, transform_fault};
+pub(super) use nodes::{NOT_FINITE, fits_f32, transform_fault};
 pub(super) use resources::Buffer;
 use stereolux_base::limits::LoadBudget;
 use stereolux_base::printable;

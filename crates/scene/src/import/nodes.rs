@@ -367,6 +367,12 @@ fn import_camera(index: usize, camera: &json::Camera, notes: &mut Notes) -> Came
     }
 }
 
+/// Whether the renderer, and a file, can hold a place.
+pub fn fits_f32(placed: &DAffine3) -> bool {
+    let mut numbers = placed.to_cols_array().into_iter();
+    numbers.all(|number| number.abs() <= f64::from(f32::MAX))
+}
+
 /// Checks that nested transforms stay within what the renderer counts in: one scale after the other may each make sense and
 /// their product none. What is flattened is out of sight, as a scale of 0 on all axes means (glTF 2.0, section 3.5.3): files
 /// hide things by it until an animation shows them.
@@ -375,12 +381,11 @@ pub fn check_placements(
     scene: &Scene,
     notes: &mut Notes,
 ) -> Result<(), SceneError> {
-    let within = |x: f64| x.abs() <= f64::from(f32::MAX);
     let mut flat = vec![false; scene.nodes.len()];
     for (index, world_from_node) in scene.placed_nodes() {
         let node = &scene.nodes[index];
         let label = || format!("nodes[{index}] '{}'", node.name);
-        if !world_from_node.to_cols_array().into_iter().all(within) {
+        if !fits_f32(&world_from_node) {
             return Err(document.fault(format!(
                 "{}: with those of its parents its transform is beyond 32-bit floats (are nested scales meant?)",
                 label()
@@ -403,7 +408,7 @@ pub fn check_placements(
             let placed = rest
                 .as_ref()
                 .and_then(|rest| rest.world_from_node.get(**joint));
-            placed.is_some_and(|placed| !placed.to_cols_array().into_iter().all(within))
+            placed.is_some_and(|placed| !fits_f32(placed))
         };
         if let Some(joint) = joints.iter().find(is_beyond) {
             return Err(document.fault(format!(
