@@ -538,7 +538,11 @@ fn what_stays_lit_keeps_its_history_when_another_light_comes() {
 }
 
 /// A glossy floor with a checkerboard of two greys, before a lamp that it mirrors.
-fn glossy_board(greys: [u8; 2]) -> Scene {
+pub(crate) fn glossy_board(greys: [u8; 2]) -> Scene {
+    board(greys.map(|grey| [grey; 3]))
+}
+
+fn board(colors: [[u8; 3]; 2]) -> Scene {
     let square = |corners: [[f32; 3]; 4], normal: [f32; 3], material| {
         let mut mesh = Mesh::plain(
             corners.to_vec(),
@@ -553,8 +557,8 @@ fn glossy_board(greys: [u8; 2]) -> Scene {
     let floor = [[-2.0, near], [2.0, near], [2.0, far], [-2.0, far]].map(|[x, z]| [x, -1.0, z]);
     let lamp = [[-1.0, -0.5], [1.0, -0.5], [1.0, 1.5], [-1.0, 1.5]].map(|[x, y]| [x, y, -3.0]);
     let texels = (0..24 * 24).flat_map(|at| {
-        let grey = greys[(at % 24 + at / 24) % 2];
-        [grey, grey, grey, 255]
+        let [r, g, b] = colors[(at % 24 + at / 24) % 2];
+        [r, g, b, 255]
     });
     let node = |mesh| Node {
         mesh: Some(mesh),
@@ -599,36 +603,194 @@ fn glossy_board(greys: [u8; 2]) -> Scene {
     }
 }
 
-/// What a lobe mirrors does not grow with the base below it, by which it is divided: it is mixed among like bases alone.
-#[test]
-fn highlights_on_textures_are_as_bright_as_they_were() {
+/// Mean of 16 filtered frames of a board's nearer half over that of 256 raw ones, per channel.
+fn filtered_brightness(library: &ShaderLibrary, scene: &Scene) -> [f64; 3] {
     let pose = Pose::new(DVec3::Z * 1.6, DQuat::IDENTITY);
     let views = parallel_views(pose, IPD_M, square_fov(45.0));
     let settings = filtered(Reuse::Off, |settings| settings.path.max_depth = 3);
-    let brightness = |library: &ShaderLibrary, greys| {
-        let scene = glossy_board(greys);
+    let renderer = renderer_by(library, scene, &settings, Eyes::Left, [SIZE, SIZE]);
+    let mut renderer = renderer.unwrap();
+    let channel = |image: &[[f32; 3]], channel: usize| -> f64 {
+        let floor = &image[2 * PIXELS / 3..];
+        floor.iter().map(|pixel| f64::from(pixel[channel])).sum()
+    };
+    let mut sum = [0.0; 3];
+    for frame in 0..24 {
+        play(&mut renderer, &views, frame..frame + 1);
+        if frame >= 8 {
+            let image = radiance(&renderer, Eye::Left);
+            sum = std::array::from_fn(|c| sum[c] + channel(&image, c) / 16.0);
+        }
+    }
+    let raw = mean_of_frames(scene, &views, 256);
+    std::array::from_fn(|c| sum[c] / channel(&raw, c))
+}
+
+/// What a channel or a whole texel does not reflect says nothing of the light, and does not darken what lies beside it.
+#[test]
+fn black_texels_and_pure_colours_darken_nothing() {
+    let matt = |colors| {
+        let mut scene = board(colors);
+        scene.materials[0].specular = 0.0;
+        scene
+    };
+    let embedded = ShaderLibrary::embedded();
+    let [black, red, teal, white] = [[0; 3], [255, 0, 0], [0, 149, 149], [230; 3]];
+    for colors in [[black, white], [red, teal], [white, white]] {
+        let found = filtered_brightness(&embedded, &matt(colors));
+        // As for highlights.
+        let is_kept = |channel: &f64| (channel - 1.0).abs() < 0.02;
+        assert!(found.iter().all(is_kept), "{colors:?}: {found:?}");
+    }
+    // As if it had been seen to be unlit.
+    let floored = changed(
+        "shared/mixing",
+        "select(gloss, DARK, max_component(share) < LEAST_REFLECTED)",
+        "gloss",
+    );
+    let [found, ..] = filtered_brightness(&floored, &matt([black, white]));
+    assert!(found < 0.95, "{found}");
+}
+
+/// What a mirror shows is divided by its own albedo, as if it were seen without the mirror.
+#[test]
+fn textures_in_mirrors_are_as_sharp_as_themselves() {
+    let mut scene = board([[20; 3], [220; 3]]);
+    scene.materials[0].specular = 0.0;
+    // Behind the eye, before a lamp.
+    let place = |mesh: &mut Mesh, [left, bottom, right, top]: [f32; 4], z, normal| {
+        let corners = [[left, bottom], [right, bottom], [right, top], [left, top]];
+        mesh.positions = corners.map(|[x, y]| [x, y, z]).to_vec();
+        mesh.normals = vec![[0.0, 0.0, normal]; 4];
+    };
+    place(&mut scene.meshes[0], [2.0, -2.0, -2.0, 2.0], 2.0, -1.0);
+    place(&mut scene.meshes[1], [-0.5, 1.2, 0.5, 1.7], 0.5, 1.0);
+    let mut mirror = scene.meshes[1].clone();
+    place(&mut mirror, [-1.0, -1.0, 1.0, 1.0], -1.0, 1.0);
+    for triangle in &mut mirror.triangles {
+        triangle.material = 2;
+    }
+    scene.meshes.push(mirror);
+    scene.nodes.push(Node {
+        mesh: Some(2),
+        ..Node::default()
+    });
+    scene.roots.push(2);
+    scene.materials.push(Material {
+        metallic: 1.0,
+        roughness: 0.0,
+        ..Material::default()
+    });
+    let views = parallel_views(Pose::IDENTITY, IPD_M, square_fov(30.0));
+    let settings = filtered(Reuse::Off, |settings| settings.path.max_depth = 3);
+    let raw = mean_of_frames(&scene, &views, 256);
+    let error = |library: &ShaderLibrary| {
         let renderer = renderer_by(library, &scene, &settings, Eyes::Left, [SIZE, SIZE]);
         let mut renderer = renderer.unwrap();
-        let mut sum = 0.0;
-        for frame in 0..24 {
-            play(&mut renderer, &views, frame..frame + 1);
-            if frame >= 8 {
-                sum += mean(&radiance(&renderer, Eye::Left)) / 16.0;
-            }
-        }
-        sum / mean(&mean_of_frames(&scene, &views, 256))
+        play(&mut renderer, &views, 0..16);
+        rel_mse(&radiance(&renderer, Eye::Left), &raw)
+    };
+    let found = error(&ShaderLibrary::embedded());
+    let first = changed(
+        "passes/path_trace",
+        "if (*path).stage == STAGE_MIRRORS {",
+        "if depth == 1u {",
+    );
+    let blurred = error(&first);
+    // Noise alone is left, of 16 frames that no neighbour's joins.
+    assert!(found < 0.2 * blurred, "{found}, {blurred}");
+}
+
+/// What a lobe mirrors does not grow with the base below it, by which it is divided: it is mixed among like bases alone.
+#[test]
+fn highlights_on_textures_are_as_bright_as_they_were() {
+    let brightness = |library: &ShaderLibrary, greys, roughness| {
+        let mut scene = glossy_board(greys);
+        scene.materials[0].roughness = roughness;
+        filtered_brightness(library, &scene)[0]
     };
     let embedded = ShaderLibrary::embedded();
     // 0.6 % is what a floor of one grey has, whose lamp's edge is noisy; 16 dependent frames leave as much again.
-    for greys in [[0, 230], [90, 200], [150, 150]] {
-        let found = brightness(&embedded, greys);
-        assert!((found - 1.0).abs() < 0.02, "{greys:?}: {found}");
+    for (greys, roughness) in [
+        ([0, 230], 0.3),
+        ([90, 200], 0.3),
+        ([150, 150], 0.3),
+        ([0, 230], 1.0),
+        ([90, 200], 1.0),
+    ] {
+        let found = brightness(&embedded, greys, roughness);
+        assert!(
+            (found - 1.0).abs() < 0.02,
+            "{greys:?}, {roughness}: {found}"
+        );
     }
     let alike = changed(
-        "shared/reconstruction",
-        "-4.0 * octaves * octaves",
-        "0.0 * octaves",
+        "shared/mixing",
+        "select(select(alike,",
+        "select(select(0.0,",
     );
-    let found = brightness(&alike, [0, 230]);
+    let found = brightness(&alike, [0, 230], 0.3);
     assert!(found > 1.03, "{found}");
+}
+
+/// Pixels of several samples at a lamp's edge hold some of the wall's light: the lamp's dark base must not divide it.
+#[test]
+fn dark_lamps_keep_their_edges_with_several_samples() {
+    const EMISSION: f32 = 8.0;
+    const BASE: f32 = 0.1;
+    let square = |half_m: f32, z: f32, material| {
+        let corners = [
+            [-half_m, -half_m, z],
+            [half_m, -half_m, z],
+            [half_m, half_m, z],
+            [-half_m, half_m, z],
+        ];
+        let indices = [[0, 1, 2], [0, 2, 3]];
+        Mesh::plain(
+            corners.to_vec(),
+            vec![[0.0, 0.0, 1.0]; 4],
+            indices,
+            material,
+        )
+    };
+    let node = |mesh| Node {
+        mesh: Some(mesh),
+        ..Node::default()
+    };
+    let scene = Scene {
+        roots: vec![0, 1],
+        nodes: vec![node(0), node(1)],
+        meshes: vec![square(2.0, -2.0, 0), square(0.33, -1.97, 1)],
+        materials: vec![
+            Material::lambert("wall", [0.7; 3]),
+            Material {
+                emission: [EMISSION; 3],
+                ..Material::lambert("lamp", [BASE; 3])
+            },
+        ],
+        ..Scene::default()
+    };
+    let views = parallel_views(Pose::IDENTITY, IPD_M, square_fov(45.0));
+    let settings = filtered(Reuse::Off, |settings| settings.spp = 4);
+    let picture = |library: &ShaderLibrary| {
+        let renderer = renderer_by(library, &scene, &settings, Eyes::Left, [SIZE, SIZE]);
+        let mut renderer = renderer.unwrap();
+        play(&mut renderer, &views, 0..8);
+        radiance(&renderer, Eye::Left)
+    };
+    let brightest = |image: &[[f32; 3]]| image.iter().flatten().copied().fold(0.0, f32::max);
+    // Nothing is brighter than a closed room that emits and reflects as the lamp does.
+    let found = picture(&ShaderLibrary::embedded());
+    assert!(
+        brightest(&found) <= EMISSION / (1.0 - BASE),
+        "{}",
+        brightest(&found)
+    );
+    let divided = changed(
+        "shared/reconstruction",
+        "is_mixed && max_component(emitted) > 0.0",
+        "false",
+    );
+    let found = picture(&divided);
+    assert!(brightest(&found) > 2.0 * EMISSION, "{}", brightest(&found));
 }

@@ -1,14 +1,21 @@
 //! `photon.half_rate`: every other pixel gathers, the others interpolate.
 
 use glam::{DQuat, DVec3};
-use stereolux::scene::Material;
-use stereolux::settings::{DirectLight, Method, RenderSettings, Reuse, Schedule};
-use stereolux::xr::View;
+use stereolux::gpu::ShaderLibrary;
+use stereolux::renderer::Eye;
+use stereolux::scene::{Material, Mesh, Node};
+use stereolux::settings::{DirectLight, Eyes, Method, RenderSettings, Reuse, Schedule};
+use stereolux::xr::{Pose, View};
 
 use super::cornell::rel_mse;
 use super::hard_support::{eyes_at, eyes_at_origin, images};
 use super::parts::hall_of_mirrors;
-use super::support::{assert_says, bits, builtin, pixel_ray, settings, start_views};
+use super::support::{
+    assert_says, bits, builtin, mean, parallel_views, pixel_ray, play, radiance, renderer_by,
+    settings, square_fov, start_views,
+};
+use crate::suite::frame::layout::changed;
+use crate::suite::frame::reconstruction::{IPD_M, glossy_board};
 use crate::suite::transport::gathers::{Change, KD, KD_NEAREST, NEAREST};
 
 /// Odd, so that the last column and row gather, and even, so that they do not.
@@ -256,6 +263,85 @@ fn half_rate_is_about_as_true_as_full_rate() {
             assert!(error(&moved) > 1.05 * at_full);
         }
     }
+}
+
+/// The light of a lobe does not grow with the base below it, by which gathered light is divided: it goes to like bases alone,
+/// between an eye's pixels and between the eyes.
+#[test]
+fn gathered_highlights_on_textures_are_as_bright_as_they_were() {
+    const SIZE: [u32; 2] = [40, 40];
+    let pose = Pose::new(DVec3::Z * 1.6, DQuat::IDENTITY);
+    let views = parallel_views(pose, IPD_M, square_fov(45.0));
+    let gathered = |s: &mut RenderSettings| {
+        s.spp = 8;
+        s.photon.count = 131_072;
+    };
+    let brightness = |library: &ShaderLibrary, greys| {
+        let mut scene = glossy_board(greys);
+        // In place of the lamp a wall, which another lamp lights that the floor does not see.
+        scene.meshes[1].positions = [[-2.0, -1.0], [2.0, -1.0], [2.0, 3.0], [-2.0, 3.0]]
+            .map(|[x, y]| [x, y, -2.0])
+            .to_vec();
+        let lamp = std::mem::replace(&mut scene.materials[1], Material::lambert("wall", [0.8; 3]));
+        scene.materials.push(Material {
+            emission: [30.0; 3],
+            ..lamp
+        });
+        let corners =
+            [[-1.0, -0.9], [-1.0, -0.1], [1.0, -0.1], [1.0, -0.9]].map(|[x, y]| [x, y, -1.2]);
+        let back = [[0.0, 0.0, -1.0]; 4];
+        let indices = [[0, 1, 2], [0, 2, 3]];
+        scene
+            .meshes
+            .push(Mesh::plain(corners.to_vec(), back.to_vec(), indices, 2));
+        scene.roots.push(2);
+        scene.nodes.push(Node {
+            mesh: Some(2),
+            ..Node::default()
+        });
+        let image = |settings: &RenderSettings| {
+            let renderer = renderer_by(library, &scene, settings, Eyes::Both, SIZE);
+            let mut renderer = renderer.unwrap();
+            play(&mut renderer, &views, 0..1);
+            [Eye::Left, Eye::Right].map(|eye| {
+                let image = radiance(&renderer, eye);
+                let rows = image.chunks_exact(SIZE[0] as usize).skip(30);
+                // The middle of the floor.
+                mean(
+                    &rows
+                        .flat_map(|row| row[10..30].to_vec())
+                        .collect::<Vec<_>>(),
+                )
+            })
+        };
+        let [full, half] = both_rates(gathered).map(|s| image(&s));
+        let mut reused = both_rates(gathered)[0].clone();
+        reused.reuse = Reuse::Scatter;
+        [half[0] / full[0], image(&reused)[1] / full[1]]
+    };
+    // Of one grey, nothing is mixed that differs: what is off there is the photons' noise, and the same for all boards.
+    let embedded = ShaderLibrary::embedded();
+    let even = brightness(&embedded, [150, 150]);
+    for off in even {
+        assert!((off - 1.0).abs() < 0.06, "{even:?}");
+    }
+    for greys in [[0, 230], [90, 200]] {
+        let found = brightness(&embedded, greys);
+        for (found, even) in found.iter().zip(even) {
+            // A twentieth of what the negative control adds.
+            assert!(
+                (found / even - 1.0).abs() < 0.03,
+                "{greys:?}: {found}, {even}"
+            );
+        }
+    }
+    let alike = changed(
+        "shared/mixing",
+        "select(select(alike,",
+        "select(select(0.0,",
+    );
+    let found = brightness(&alike, [0, 230]);
+    assert!(found.iter().all(|found| *found > 1.5), "{found:?}");
 }
 
 #[test]

@@ -201,7 +201,7 @@ impl Twin {
             }
             if self.is_thin {
                 let wi = DVec3::new(wi.x, wi.y, -wi.z);
-                let passed = 1.0 - fresnel(wo.dot((wo + wi).normalize()), self.eta);
+                let passed = 1.0 - fresnel(wo.z, self.eta);
                 return lobes[2] * passed * mirrored(wo, wi, self.glass_alpha);
             }
             return self.refraction(wo, wi).map_or(0.0, |(m, jacobian)| {
@@ -209,7 +209,13 @@ impl Twin {
                 lobes[2] * passed * visible(wo, m, self.glass_alpha) * jacobian
             });
         }
-        let reflectance = fresnel(wo.dot((wo + wi).normalize()), self.eta);
+        // A pane is mirror or window before a normal is drawn.
+        let cosine = if self.is_thin {
+            wo.z
+        } else {
+            wo.dot((wo + wi).normalize())
+        };
+        let reflectance = fresnel(cosine, self.eta);
         lobes[0] * wi.z / PI
             + lobes[1] * mirrored(wo, wi, self.alpha)
             + lobes[2] * reflectance * mirrored(wo, wi, self.glass_alpha)
