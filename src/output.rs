@@ -23,7 +23,7 @@ use crate::xr::View;
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
     /// The folder cannot be made or written to.
-    #[error("--out {}: {reason}; choose a folder that can be written to", path.display())]
+    #[error("--out {}: {reason}; choose another folder", path.display())]
     Folder {
         /// The folder.
         path: PathBuf,

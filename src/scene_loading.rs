@@ -54,7 +54,7 @@ impl Loaded {
     pub fn open(settings: &Settings) -> Result<Self, SceneError> {
         let budget = LoadBudget::new(settings.limits.load());
         let scene = match settings.scene.strip_prefix(PREFIX) {
-            Some(name) => Scene::builtin(name)?,
+            Some(name) => Scene::builtin_within(name, &budget)?,
             None => Scene::load_within(&settings.scene, &budget)?,
         };
         Self::of(scene, settings, &budget)

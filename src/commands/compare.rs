@@ -48,8 +48,12 @@ fn write_page(folder: &Path, page: &str) -> Result<(), Failure> {
         ))
     };
     fs::create_dir_all(folder).map_err(|error| unusable(error.to_string()))?;
-    write_atomically(&folder.join("report.html"), |out| {
-        out.write_all(page.as_bytes())
-    })
-    .map_err(|error| unusable(error.to_string()))
+    let path = folder.join("report.html");
+    // A suite's report has the same name.
+    if fs::read_to_string(&path).is_ok_and(|there| !there.contains(page::TITLE)) {
+        let there = "report.html there is no comparison's, and stays".to_owned();
+        return Err(unusable(there));
+    }
+    write_atomically(&path, |out| out.write_all(page.as_bytes()))
+        .map_err(|error| unusable(error.to_string()))
 }

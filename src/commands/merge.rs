@@ -84,7 +84,10 @@ pub fn merge(options: &MergeOptions) -> Result<(), Failure> {
     if options.folders[0].join("report.json").exists() {
         return reports(options);
     }
-    if options.out.join(RUN).exists() && run_of(&options.out)?["merged"].is_null() {
+    let is_there = |name| options.out.join(name).exists();
+    let is_merged = is_there(RUN) && !run_of(&options.out)?["merged"].is_null();
+    // A run that was killed has no more than its statistics.
+    if (is_there(RUN) || is_there(STATS)) && !is_merged {
         return Err(Failure::unusable(format!(
             "--out {} holds a run, whose statistics would be lost; give another folder",
             options.out.display()

@@ -103,7 +103,7 @@ fn keeps_inputs(
     for (name, path) in inputs {
         let file = resolved(path);
         if let Some((path, recorded)) = &recorded
-            && file == *recorded
+            && (file == *recorded || is_one_file(&file, recorded))
         {
             let why = format!("is the file that {name} reads; give --record another name");
             return refused("--record", path, &why);
@@ -117,6 +117,20 @@ fn keeps_inputs(
         }
     }
     Ok(())
+}
+
+/// Whether two names lead to one file, by hard links.
+fn is_one_file(a: &Path, b: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt as _;
+        let number = |path: &Path| path.metadata().map(|about| (about.dev(), about.ino()));
+        matches!((number(a), number(b)), (Ok(a), Ok(b)) if a == b)
+    }
+    #[cfg(not(unix))]
+    {
+        a == b
+    }
 }
 
 /// The file or folder itself, whatever leads to it; one that is still to be made by the folder that it will be in.

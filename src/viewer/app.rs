@@ -147,6 +147,8 @@ pub struct App {
     pub(super) out: PathBuf,
     /// Files that this window wrote, and may write over while they are as it left them.
     pub(super) written: HashMap<PathBuf, Stamp>,
+    /// What scenes are scaled by, while one is open that this window has saved as large as it was shown.
+    pub(super) other_scale: Option<f64>,
     /// Where the scene that is open was saved last.
     pub(super) saved_scene: Option<PathBuf>,
     /// Pixels per eye of a view that stands still.
@@ -246,6 +248,7 @@ impl App {
             document,
             out,
             written: HashMap::new(),
+            other_scale: None,
             saved_scene: None,
             size,
             shown_at: Vec::new(),

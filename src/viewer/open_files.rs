@@ -1,5 +1,6 @@
 //! What becomes of files that are opened or dropped: the scene, its environment, a recording.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use egui::Context;
@@ -50,6 +51,8 @@ impl App {
                 self.fields = Fields::new(&self.out, self.document.original());
                 let mut settings = (*self.settings).clone();
                 settings.scene.clone_from(&name);
+                let scale = self.other_scale.unwrap_or(settings.scene_scale);
+                self.other_scale = self.has_written(Path::new(&name)).then_some(scale);
                 settings.scene_scale = loaded.settings.scene_scale;
                 settings.environment = environment;
                 self.saved_scene = None;
@@ -157,8 +160,10 @@ impl App {
         }
         let mut settings = settings.clone();
         // What this window has saved is as large as it was shown.
-        if self.written.contains_key(std::path::Path::new(&spec)) {
+        if self.has_written(Path::new(&spec)) {
             settings.scene_scale = 1.0;
+        } else if let Some(scale) = self.other_scale {
+            settings.scene_scale = scale;
         }
         // A second file takes the place of one that is still being read.
         match Loading::begin(

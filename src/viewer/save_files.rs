@@ -1,5 +1,6 @@
 //! Writing the scene and the settings, and never over a file of others unasked.
 
+use std::iter;
 use std::path::{Path, PathBuf};
 
 use egui::Context;
@@ -19,7 +20,17 @@ pub enum Saved {
     Settings,
 }
 
+/// A file's name that stays the same however it is spelled.
+fn one_name(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_owned())
+}
+
 impl App {
+    /// Whether this window has written a file.
+    pub(super) fn has_written(&self, path: &Path) -> bool {
+        self.written.contains_key(&one_name(path))
+    }
+
     /// Writes to the path of the fields, as [`App::save_as`] does.
     pub(super) fn save(&mut self, context: &Context, what: Saved) {
         let path = PathBuf::from(self.fields.path_of(what).trim());
@@ -29,7 +40,8 @@ impl App {
     /// Writes to a path, which is that of the fields from then on; asks before, if a file stands there that is not as this
     /// window wrote it.
     pub(super) fn save_as(&mut self, context: &Context, path: PathBuf, what: Saved) {
-        let is_own = Stamp::of(&path).is_some_and(|now| self.written.get(&path) == Some(&now));
+        let stamp = Stamp::of(&path);
+        let is_own = stamp.is_some() && self.written.get(&one_name(&path)) == stamp.as_ref();
         if path.exists() && !is_own {
             self.asks = Some(Question::Replace(path, what, None));
             return;
@@ -73,10 +85,31 @@ impl App {
                 self.say(context, text, false);
                 *self.fields.path_of(what) = path.to_string_lossy().into_owned();
                 self.written
-                    .extend(Stamp::of(&path).map(|stamp| (path, stamp)));
+                    .extend(Stamp::of(&path).map(|stamp| (one_name(&path), stamp)));
             }
             Err(error) => self.say(context, error, true),
         }
+    }
+
+    /// Writes edits that would end with the window to where they would be saved, or beside it where a file stands: its path,
+    /// if there was anything to keep.
+    ///
+    /// # Errors
+    /// What stands in the way.
+    pub fn rescue(&mut self) -> Option<Result<PathBuf, String>> {
+        self.take_name();
+        if !self.document.is_modified() {
+            return None;
+        }
+        let wanted = PathBuf::from(self.fields.path_of(Saved::Scene).trim());
+        self.make_room(&wanted);
+        let [stem, extension] = [wanted.file_stem(), wanted.extension()]
+            .map(|part| part.unwrap_or_default().to_string_lossy());
+        let beside = (2_u32..).map(|n| wanted.with_file_name(format!("{stem}_{n}.{extension}")));
+        let mut paths = iter::once(wanted.clone()).chain(beside);
+        let path = paths.find(|path| !path.exists())?;
+        let written = self.document.save(&path);
+        Some(written.map(|()| path).map_err(|error| error.to_string()))
     }
 
     /// Makes the folder of `--out` if that is where `path` lies. Other folders that are missing are slips of the hand, and

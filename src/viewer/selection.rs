@@ -83,7 +83,12 @@ impl Selection {
     pub fn delete(&self, scene: &Scene) -> Option<Edit> {
         let mut tops = self.tops(scene);
         // Joints cannot go before what hangs on them.
-        tops.sort_by_key(|node| scene.nodes[*node].skin.is_none());
+        let holds_skin = |node: usize| {
+            let inside = scene.subtree(node).into_iter().zip(&scene.nodes);
+            let mut skinned = inside.map(|(is_inside, node)| is_inside && node.skin.is_some());
+            skinned.any(|is| is)
+        };
+        tops.sort_by_cached_key(|node| !holds_skin(*node));
         let edits = tops.into_iter().map(|node| Edit::Delete { node });
         together(edits.collect())
     }

@@ -63,6 +63,7 @@ pub fn show(start: Start, adapter: &str, state_path: Option<PathBuf>) -> Result<
         state_path,
         proxy: event_loop.create_proxy(),
         open: None,
+        is_left: false,
         error: None,
     };
     let ran = caught(|| {
@@ -72,6 +73,9 @@ pub fn show(start: Start, adapter: &str, state_path: Option<PathBuf>) -> Result<
     });
     if let Some(open) = &mut state.open {
         open.remember(state.state_path.as_deref());
+        if !state.is_left {
+            open.rescue();
+        }
     }
     if let Some(error) = state.error.take() {
         return Err(error);
@@ -91,6 +95,8 @@ struct State {
     state_path: Option<PathBuf>,
     proxy: EventLoopProxy<()>,
     open: Option<Open>,
+    /// Whether who sits before it closed it, and knows what is not saved.
+    is_left: bool,
     error: Option<ViewError>,
 }
 
@@ -133,7 +139,10 @@ impl ApplicationHandler<()> for State {
         let result = open.event(event_loop, event);
         match result {
             Ok(true) => {}
-            Ok(false) => event_loop.exit(),
+            Ok(false) => {
+                self.is_left = true;
+                event_loop.exit();
+            }
             Err(error) => self.fail(event_loop, error),
         }
     }
@@ -278,6 +287,14 @@ impl Open {
             }
         }
         true
+    }
+
+    fn rescue(&mut self) {
+        match self.app.rescue() {
+            Some(Ok(path)) => log::warn!("edits that were not saved are in {}", path.display()),
+            Some(Err(error)) => log::error!("edits that were not saved are lost: {error}"),
+            None => {}
+        }
     }
 
     fn remember(&mut self, path: Option<&std::path::Path>) {

@@ -5,7 +5,8 @@
 
 use std::io::Cursor;
 
-use image::{DynamicImage, ImageDecoder as _, ImageFormat, ImageReader, Limits};
+use image::codecs::hdr::HdrDecoder;
+use image::{DynamicImage, ImageDecoder as _, ImageError, ImageFormat, ImageReader, Limits};
 
 use crate::limits::product;
 
@@ -52,6 +53,10 @@ impl<'a> Encoded<'a> {
         if width == 0 || height == 0 {
             return Err("has no pixels".to_owned());
         }
+        // The decoder fills up what is missing with grey.
+        if format == ImageFormat::Jpeg && !jpeg_ends(bytes) {
+            return Err("cannot be decoded: the file ends before the picture".to_owned());
+        }
         let decoded_bytes = decoder.total_bytes();
         // JPEG: coefficients of progressive files, 16 bits each, and a copy of the picture. EXR: a copy, and blocks.
         let scratch_bytes = match format {
@@ -89,10 +94,49 @@ impl<'a> Encoded<'a> {
         // Asked for already; this holds what text and colour profiles in the file may take.
         limits.max_alloc = Some(self.decoding_bytes().saturating_add(64 << 20));
         reader.limits(limits);
-        reader
-            .decode()
-            .map_err(|error| format!("cannot be decoded: {error}"))
+        let broken = |error: ImageError| format!("cannot be decoded: {error}");
+        let mut picture = reader.decode().map_err(broken)?;
+        if self.format == ImageFormat::Hdr {
+            let file = HdrDecoder::new(Cursor::new(self.bytes)).map_err(broken)?;
+            // By which the values have been multiplied.
+            let exposure = file
+                .metadata()
+                .exposure
+                .filter(|by| by.is_normal() && *by > 0.0);
+            if let (Some(exposure), DynamicImage::ImageRgb32F(rgb)) = (exposure, &mut picture) {
+                rgb.iter_mut().for_each(|value| *value /= exposure);
+            }
+        }
+        Ok(picture)
     }
+}
+
+/// Whether a JPEG file has the marker of its end (ITU T.81, B.1.1): after the segments before it, and after their scans, in which
+/// 0xff stands before 0 or a restart's number.
+fn jpeg_ends(bytes: &[u8]) -> bool {
+    const END: u8 = 0xd9;
+    const SCAN: u8 = 0xda;
+    let mut at = 2;
+    let mut is_scan = false;
+    while let Some(&[first, marker]) = bytes.get(at..at + 2) {
+        let is_marker = first == 0xff && !matches!(marker, 0 | 0xff);
+        at += match (is_marker, marker) {
+            (true, END) => return true,
+            // Restarts and others without a segment.
+            (true, 0x01 | 0xd0..=0xd8) => 2,
+            (true, _) => {
+                is_scan = marker == SCAN;
+                let Some(&[high, low]) = bytes.get(at + 2..at + 4) else {
+                    return false;
+                };
+                2 + usize::from(u16::from_be_bytes([high, low]))
+            }
+            (false, _) if is_scan || first == 0xff => 1,
+            // What no decoder knows either.
+            (false, _) => return true,
+        };
+    }
+    false
 }
 
 /// What an OpenEXR file takes beside its picture while it is decoded, bytes. The picture is sized by the display window; this
@@ -116,4 +160,23 @@ fn exr_scratch_bytes(bytes: &[u8]) -> Result<u64, exr::error::Error> {
         .fold(0, u64::saturating_add)
     };
     Ok(file.headers.iter().map(part).fold(0, u64::saturating_add))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_exposure_of_a_radiance_file_is_taken_back() {
+        let red = |header: &str| {
+            let text = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n{header}\n-Y 1 +X 1\n");
+            // 128 / 256 of 2^1.
+            let file = [text.as_bytes(), &[128, 64, 0, 129]].concat();
+            let picture = Encoded::open(&file, ImageFormat::Hdr).unwrap().decode();
+            picture.unwrap().into_rgb32f().into_raw()[0]
+        };
+        assert_eq!(red(""), 1.0);
+        assert_eq!(red("EXPOSURE=2\n"), 0.5);
+        assert_eq!(red("EXPOSURE=0\n"), 1.0);
+    }
 }

@@ -5,7 +5,8 @@
 //! a pipe, which must not keep the program waiting without a word.
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Read, Write as _};
+use std::hash::{DefaultHasher, Hasher as _};
+use std::io::{self, BufRead as _, BufReader, BufWriter, Read, Write as _};
 use std::path::{Component, Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, SystemTime};
@@ -249,6 +250,51 @@ impl Stamp {
             bytes: about.len(),
             modified: about.modified().ok()?,
         })
+    }
+}
+
+/// A file as it was when it was read.
+#[derive(Clone, Debug)]
+pub struct KnownFile {
+    /// Where it lies.
+    pub path: PathBuf,
+    stamp: Option<Stamp>,
+    contents: Option<u64>,
+}
+
+impl KnownFile {
+    /// Reads it once.
+    #[must_use]
+    pub fn new(path: PathBuf) -> Self {
+        Self {
+            stamp: Stamp::of(&path),
+            contents: contents_of(&path),
+            path,
+        }
+    }
+
+    /// Whether it is the same still; what has only a new time, as after a copy, is.
+    #[must_use]
+    pub fn is_unchanged(&self) -> bool {
+        let is_untouched = self.stamp.is_some() && Stamp::of(&self.path) == self.stamp;
+        is_untouched || self.contents.is_some() && contents_of(&self.path) == self.contents
+    }
+}
+
+/// A hash of a file's bytes; `None` for what is no file that can be read.
+fn contents_of(path: &Path) -> Option<u64> {
+    let about = fs::metadata(path).ok().filter(fs::Metadata::is_file)?;
+    let file = File::open(path).ok()?.take(about.len());
+    let mut reader = BufReader::with_capacity(CHUNK, file);
+    let mut hasher = DefaultHasher::new();
+    loop {
+        let bytes = reader.fill_buf().ok()?;
+        if bytes.is_empty() {
+            return Some(hasher.finish());
+        }
+        hasher.write(bytes);
+        let count = bytes.len();
+        reader.consume(count);
     }
 }
 

@@ -2,8 +2,11 @@
 //! in closed form; large ones are made when they are asked for.
 
 use std::borrow::Cow;
+use std::path::Path;
 
-use super::{Environment, Scene, SceneError, generated, surroundings};
+use stereolux_base::limits::LoadBudget;
+
+use super::{Environment, Scene, SceneError, generated, import, surroundings};
 
 /// What names of embedded scenes and surroundings begin with where files might be meant.
 pub const PREFIX: &str = "builtin:";
@@ -87,9 +90,10 @@ fn bare(name: &str) -> &str {
 }
 
 /// See [`Scene::builtin`].
-pub(super) fn load(name: &str) -> Result<Scene, SceneError> {
+pub(super) fn load(name: &str, budget: &LoadBudget) -> Result<Scene, SceneError> {
     let name = bare(name);
-    let mut scene = Scene::from_bytes(&format!("{PREFIX}{name}"), &glb(name)?)?;
+    let path = format!("{PREFIX}{name}");
+    let mut scene = import::from_bytes(Path::new(&path), &glb(name)?, budget)?;
     scene.environment = environment(name)?;
     Ok(scene)
 }

@@ -303,7 +303,15 @@ impl Scene {
     /// # Errors
     /// An unknown name; the message lists those there are.
     pub fn builtin(name: &str) -> Result<Self, SceneError> {
-        builtin::load(name)
+        Self::builtin_within(name, &LoadBudget::default())
+    }
+
+    /// As [`Scene::builtin`], taking what `budget` allows.
+    ///
+    /// # Errors
+    /// As [`Scene::builtin`]; more than that.
+    pub fn builtin_within(name: &str, budget: &LoadBudget) -> Result<Self, SceneError> {
+        builtin::load(name, budget)
     }
 
     /// Gives all triangles of the meshes named `mesh` a material of their own, wherever they are placed. Returns how many
@@ -525,7 +533,8 @@ impl Scene {
         if is_inside || size_m <= 0.0 || (NEAR_M..=FAR_M).contains(&distance_m) {
             return None;
         }
-        let factor = 10_f64.powf((1.0 / size_m).log10().round());
+        // What the setting takes.
+        let factor = 10_f64.powf((1.0 / size_m).log10().round()).min(1e8);
         if factor == 1.0 {
             // A camera that looks on from afar.
             return None;
@@ -534,8 +543,13 @@ impl Scene {
             true => "from where it fits the view both eyes see the same",
             false => "it fits the view only nearer than eyes can look",
         };
+        let size = if size_m < 0.001 {
+            format!("{size_m:.1e}")
+        } else {
+            format!("{size_m:.3}")
+        };
         Some(format!(
-            "the scene is {size_m:.3} m large, so that {why}; if its unit is no metre, give --scene-scale {factor}"
+            "the scene is {size} m large, so that {why}; if its unit is no metre, give --scene-scale {factor}"
         ))
     }
 

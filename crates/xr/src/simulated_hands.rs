@@ -114,8 +114,14 @@ impl HandScript {
             for step in steps {
                 let added = plan.add(step.get_ref(), last_s, place_of);
                 added.map_err(|(field, what)| {
+                    let start = step.span().start;
+                    // The step's own line where the field is left out.
+                    let own = text[start..].lines().enumerate();
+                    let mut own = own.take_while(|(at, line)| *at == 0 || !line.starts_with("[["));
+                    let key = |line: &str| line.split('=').next().unwrap_or("").trim() == field;
+                    let below = own.find(|(_, line)| key(line)).map_or(0, |(at, _)| at);
+                    let line = toml_files::line_at(text, start) + below;
                     let field = format!("{}.{field}", side.word());
-                    let line = toml_files::line_at(text, step.span().start);
                     InputError::field(file, line, &field, what)
                 })?;
                 last_s = step.get_ref().at_s;
@@ -368,31 +374,31 @@ mod tests {
         for (text, line, field) in [
             (
                 "[[right]]\nat_s = 1\n[[right]]\nat_s = 1\n",
-                3,
+                4,
                 "right.at_s",
             ),
-            ("[[left]]\nat_s = -1\n", 1, "left.at_s"),
+            ("[[left]]\nat_s = -1\n", 2, "left.at_s"),
             (
                 "[[left]]\nat_s = 1\nposition_m = [0, 0, 0]\nreach = 'vase'\n",
-                1,
+                4,
                 "left.reach",
             ),
             (
                 "[[left]]\nat_s = 1\norientation = [0, 0, 0, 1]\npoint_at = 'vase'\n",
-                1,
+                4,
                 "left.point_at",
             ),
             (
                 "[[left]]\nat_s = 1\nreach = 'vase'\npoint_at = 'vase'\n",
-                1,
+                4,
                 "left.point_at",
             ),
-            ("[[left]]\nat_s = 1\nreach = 'vise'\n", 1, "left.reach"),
-            ("[[left]]\nat_s = 1\nstick = [2, 0]\n", 1, "left.stick"),
-            ("[[left]]\nat_s = 1\npress = ['nose']\n", 1, "left.press"),
+            ("[[left]]\nat_s = 1\nreach = 'vise'\n", 3, "left.reach"),
+            ("[[left]]\nat_s = 1\nstick = [2, 0]\n", 3, "left.stick"),
+            ("[[left]]\nat_s = 1\npress = ['nose']\n", 3, "left.press"),
             (
                 "[[left]]\nat_s = 1\nposition_m = [0, nan, 0]\n",
-                1,
+                3,
                 "left.position_m",
             ),
         ] {

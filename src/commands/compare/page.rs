@@ -11,6 +11,8 @@ use crate::metrics::ComparedFiles;
 
 /// The page: `{style}`, `{data}` and each [`pictures`]' name stand for what is filled in.
 const PAGE: &str = include_str!("page.html");
+/// By which it is known.
+pub const TITLE: &str = "<title>stereolux compare</title>";
 /// How the project's pages look.
 const STYLE: &str = include_str!("../../../crates/report/src/page.css");
 /// Memory that a page takes, bytes per pixel: its 39 bytes of pictures, by 4/3 in base64, that and the page's text before

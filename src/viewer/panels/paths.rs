@@ -10,7 +10,7 @@ use egui::{Align2, Context, Key, ScrollArea, TextEdit, Window};
 use crate::viewer::app::App;
 use crate::viewer::save_files::Saved;
 
-/// Entries of a folder that are offered at most.
+/// Entries that are offered at most.
 const MOST_ENTRIES: usize = 500;
 
 /// What becomes of the path.
@@ -91,6 +91,7 @@ impl PathQuestion {
         let names = self.listing.1.iter();
         names
             .filter(|name| name.to_lowercase().starts_with(&begin))
+            .take(MOST_ENTRIES)
             .map(|name| folder.clone() + name)
             .collect()
     }
@@ -115,7 +116,6 @@ fn entries(folder: &Path, purpose: Purpose) -> Vec<String> {
         .collect();
     // Folders first.
     names.sort_by_key(|name| (!name.ends_with('/'), name.to_lowercase()));
-    names.truncate(MOST_ENTRIES);
     names
 }
 

@@ -85,10 +85,13 @@ fn a_page_that_cannot_be_made_is_one_line_and_no_file() {
         let plane = Image::filled(width, 16, [1.0; 3]).unwrap();
         write_exr(&folder.join(name), &plane).unwrap();
     }
-    let (report, in_the_way) = (path("report"), path("a.exr"));
+    std::fs::create_dir(folder.join("suite")).unwrap();
+    std::fs::write(folder.join("suite/report.html"), "a suite's").unwrap();
+    let (report, in_the_way, taken) = (path("report"), path("a.exr"), path("suite"));
     for (reference, report, says) in [
         ("wider.exr", &report, "compare images of equal size"),
         ("a.exr", &in_the_way, "--report"),
+        ("a.exr", &taken, "no comparison's"),
     ] {
         let (image, reference) = (path("a.exr"), path(reference));
         let output = stereolux(&["compare", &image, &reference, "--report", report]);
@@ -98,5 +101,7 @@ fn a_page_that_cannot_be_made_is_one_line_and_no_file() {
         assert_eq!(message.lines().count(), 1, "{message}");
         assert!(output.stdout.is_empty());
     }
-    assert_eq!(folder.files(), ["a.exr", "wider.exr"]);
+    assert_eq!(folder.files(), ["a.exr", "suite", "wider.exr"]);
+    let kept = std::fs::read_to_string(folder.join("suite/report.html")).unwrap();
+    assert_eq!(kept, "a suite's");
 }

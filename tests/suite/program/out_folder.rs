@@ -86,7 +86,7 @@ fn a_run_that_is_refused_takes_nothing_away() {
         &record,
     );
     assert_eq!(output.status.code(), Some(2));
-    assert_says(&stderr(&output), &["--out", "can be written to"]);
+    assert_says(&stderr(&output), &["--out", "choose another folder"]);
     assert_eq!(std::fs::read_to_string(&recording).unwrap(), mine);
     // Another run is at work in the folder.
     assert_success(&run(&folder, "1", &[]));

@@ -97,6 +97,14 @@ fn two_halves_are_the_whole_run_bit_for_bit() {
         let output = merge(&first, &second, &whole);
         assert_eq!(output.status.code(), Some(2));
         assert_eq!(stats(&whole).len(), 6);
+        // Nor a killed run's, which has nothing else.
+        let killed = folder.join("killed");
+        std::fs::create_dir_all(&killed).unwrap();
+        std::fs::copy(whole.join("stats.jsonl"), killed.join("stats.jsonl")).unwrap();
+        let output = merge(&first, &second, &killed);
+        assert_eq!(output.status.code(), Some(2));
+        assert_eq!(stats(&killed).len(), 6);
+        std::fs::remove_dir_all(&killed).unwrap();
         let about = second.join("run.json");
         let mut elsewhere = json(&about);
         // Photons of a scene that stands still are traced before the second half.

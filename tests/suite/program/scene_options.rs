@@ -126,6 +126,14 @@ fn scale_takes_units_for_metres_and_odd_sizes_are_told() {
         assert_success(&by_key.0);
         assert!(left(&folder.join("key")) == left(&out));
     }
+    // What is advised is what is taken, however small the scene.
+    let speck = triangle(&folder, "speck", 2e-12, false);
+    let lit = ["--scene", &speck, "--light", "studio"];
+    let (_, text) = render(&folder.join("speck_out"), &lit);
+    let advice = "--scene-scale 100000000";
+    assert_says(&text, &["2.0e-12 m", advice]);
+    let scaled = [&lit[..], &advice.split(' ').collect::<Vec<_>>()].concat();
+    assert_success(&render(&folder.join("speck_out"), &scaled).0);
 }
 
 /// Everything grows alike, and light is absorbed over lengths that grow too.

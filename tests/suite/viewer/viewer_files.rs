@@ -445,6 +445,28 @@ fn files_of_others_are_written_over_only_when_asked() {
     assert_no_errors(&viewer);
 }
 
+/// A window that a signal or a lost device ends keeps what was edited, beside what lies there.
+#[test]
+fn edits_outlive_the_window() {
+    let folder = Folder::new("viewer-rescue");
+    let (mut viewer, path) = before_a_file_of_others(&folder);
+    assert!(viewer.state_mut().rescue().is_none(), "nothing to keep");
+    let node = node_of(viewer.state().document().scene(), "tall block");
+    let context = viewer.ctx.clone();
+    viewer.state_mut().edit(&context, Edit::Delete { node });
+    let kept = viewer.state_mut().rescue().unwrap().unwrap();
+    assert_eq!(kept, folder.join("cornell_edited_2.glb"));
+    assert_eq!(std::fs::read(&path).unwrap(), THEIRS.as_bytes());
+    let scene = Scene::load(&kept).unwrap();
+    let shows = |name| {
+        scene
+            .roots
+            .iter()
+            .any(|root| scene.subtree(*root)[node_of(&scene, name)])
+    };
+    assert!(shows("short block") && !shows("tall block"));
+}
+
 /// Another program's work is asked about, though this window wrote there before.
 #[test]
 fn a_file_that_another_program_has_written_since_is_asked_about() {

@@ -1,11 +1,11 @@
 //! A scene with the history of its edits, and the file that it came from.
 
 use std::collections::VecDeque;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::super::{Material, Node, PunctualLight, Scene, SceneError, builtin, import};
 use super::{Edit, EditError};
-use stereolux_base::files::Stamp;
+use stereolux_base::files::KnownFile;
 use stereolux_base::limits::{LoadBudget, LoadLimits};
 
 /// Steps that can be undone; older ones are forgotten.
@@ -28,8 +28,8 @@ pub struct Original {
     pub lights: Vec<PunctualLight>,
     /// What reading its files again may cost and reach.
     pub limits: LoadLimits,
-    /// Files of its buffers, as they were.
-    pub buffer_files: Vec<(PathBuf, Option<Stamp>)>,
+    /// Files of its buffers and images, as they were.
+    pub files: Vec<KnownFile>,
 }
 
 impl Original {
@@ -50,7 +50,7 @@ impl Original {
             materials: scene.materials.clone(),
             lights: scene.lights.clone(),
             limits: LoadLimits::default(),
-            buffer_files: Vec::new(),
+            files: Vec::new(),
         }
     }
 }
@@ -106,16 +106,13 @@ impl Document {
         };
         let mut scene = import::from_bytes(path, &bytes, budget)?;
         let again = LoadBudget::new(budget.limits());
-        let buffer_files = import::buffer_files(path, &bytes, &again)?
-            .into_iter()
-            .map(|file| (file.clone(), Stamp::of(&file)))
-            .collect();
+        let files = import::files(path, &bytes, &again)?;
         if is_embedded {
             scene.environment = builtin::environment(spec)?;
         }
         let original = Original {
             limits: budget.limits(),
-            buffer_files,
+            files: files.into_iter().map(KnownFile::new).collect(),
             ..Original::new(spec, bytes, &scene)
         };
         Ok(Self::new(scene, original))

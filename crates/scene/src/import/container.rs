@@ -130,6 +130,12 @@ fn split_glb<'a>(path: &Path, bytes: &'a [u8], notes: &mut Notes) -> Result<Part
     Ok(Parts { json, blob })
 }
 
+/// Whether a URI holds its data itself. The names of schemes have no case (RFC 3986, section 3.1).
+pub fn is_data_uri(uri: &str) -> bool {
+    let scheme = uri.as_bytes().get(..5);
+    scheme.is_some_and(|scheme| scheme.eq_ignore_ascii_case(b"data:"))
+}
+
 /// The payload of a `data:` URI.
 pub fn decode_data_uri(uri: &str) -> Result<Vec<u8>, String> {
     let Some((head, payload)) = uri.split_once(',') else {
@@ -215,6 +221,7 @@ mod tests {
         }
         assert_eq!(decode_data_uri("data:;base64,Zg%3D%3D").unwrap(), b"f");
         assert!(decode_data_uri("data:;base64,Zg%3").is_err());
+        assert!(is_data_uri("DATA:;base64,Zg") && !is_data_uri("data.bin"));
     }
 
     #[test]

@@ -190,6 +190,7 @@ impl<'a> Document<'a> {
                 }
             });
         if let Some((place, fault)) = first {
+            let place = as_in_the_file(&place);
             let what = match fault {
                 Fault::IndexOutOfBounds => "index out of range",
                 Fault::Invalid => "invalid value",
@@ -197,7 +198,10 @@ impl<'a> Document<'a> {
                 Fault::Oversize => "larger than this machine can address",
                 Fault::Unsupported => "extension is not supported",
             };
-            return Err(self.fault(format!("{place}: {what}")));
+            let found =
+                value_at(&self.raw, &place).filter(|value| !value.is_array() && !value.is_object());
+            let found = found.map_or_else(String::new, |value| format!(" {value}"));
+            return Err(self.fault(format!("{place}: {what}{found}")));
         }
         Ok(())
     }
@@ -218,6 +222,35 @@ impl<'a> Document<'a> {
     pub fn raw_item(&self, list: &str, index: usize) -> Option<&Value> {
         self.raw.get(list)?.get(index)
     }
+}
+
+/// A place with extensions named as files do: the library calls `KHR_lights_punctual` `khrLightsPunctual`.
+fn as_in_the_file(place: &str) -> String {
+    let mut after_extensions = false;
+    let named = place.split('.').map(|part| {
+        let is_extension = std::mem::replace(&mut after_extensions, part == "extensions");
+        let Some(end) = part.find(char::is_uppercase).filter(|_| is_extension) else {
+            return part.to_owned();
+        };
+        let mut name = part[..end].to_uppercase();
+        for letter in part[end..].chars() {
+            if letter.is_uppercase() {
+                name.push('_');
+            }
+            name.extend(letter.to_lowercase());
+        }
+        name
+    });
+    named.collect::<Vec<_>>().join(".")
+}
+
+/// What stands at a place such as `nodes[0].mesh`.
+fn value_at<'a>(root: &'a Value, place: &str) -> Option<&'a Value> {
+    let parts = place.split(['.', '[', ']']).filter(|part| !part.is_empty());
+    parts.into_iter().try_fold(root, |value, part| match value {
+        Value::Array(_) => value.get(part.parse::<usize>().ok()?),
+        _ => value.get(part),
+    })
 }
 
 /// Faults of the strict check that harm nothing here: the extent of POSITION is measured, accessors without a view

@@ -142,7 +142,7 @@ pub(super) fn self_contained(path: &Path, bytes: &[u8]) -> Result<Scene, SceneEr
     let root = &document.root;
     let buffers = root.buffers.iter().map(|buffer| &buffer.uri);
     let mut uris = buffers.chain(root.images.iter().map(|image| &image.uri));
-    match uris.find_map(|uri| uri.as_ref().filter(|uri| !uri.starts_with("data:"))) {
+    match uris.find_map(|uri| uri.as_ref().filter(|uri| !container::is_data_uri(uri))) {
         Some(uri) => {
             Err(document.fault(format!("names the file '{uri}' and must hold all itself")))
         }
@@ -160,8 +160,8 @@ pub(super) struct RawParts<'a> {
     pub images: Vec<Option<Vec<u8>>>,
 }
 
-/// The files that a file's buffers lie in.
-pub(super) fn buffer_files(
+/// The files that a file's buffers and images lie in.
+pub(super) fn files(
     path: &Path,
     bytes: &[u8],
     budget: &LoadBudget,
@@ -170,7 +170,7 @@ pub(super) fn buffer_files(
     let file = container::split(path, bytes, &mut notes)?;
     let document = Document::parse(path, file.json, budget)?;
     let places = resources::locate(&document, &mut notes)?;
-    Ok(places.buffer_files().cloned().collect())
+    Ok(places.files().cloned().collect())
 }
 
 /// Takes a file apart: its JSON as it stands, and the bytes that it refers to.

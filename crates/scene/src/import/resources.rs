@@ -31,9 +31,9 @@ pub struct Places {
 }
 
 impl Places {
-    /// Files of buffers.
-    pub fn buffer_files(&self) -> impl Iterator<Item = &PathBuf> {
-        let files = self.buffers.iter().flatten();
+    /// All that are there.
+    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        let files = self.buffers.iter().chain(&self.images).flatten();
         files.filter_map(|found| found.as_ref().ok())
     }
 }
@@ -47,7 +47,7 @@ type Found = Result<PathBuf, String>;
 /// One of them lies outside the scene's folder, and that is not allowed.
 pub fn locate(document: &Document<'_>, notes: &mut Notes) -> Result<Places, SceneError> {
     let mut of = |list: &str, index: usize, uri: Option<&String>| {
-        let file = uri.filter(|uri| !uri.starts_with("data:"));
+        let file = uri.filter(|uri| !container::is_data_uri(uri));
         let place = format!("{list}[{index}]");
         file.map(|uri| resolve(document, notes, &place, uri))
             .transpose()

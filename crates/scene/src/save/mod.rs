@@ -21,7 +21,7 @@ use serde_json::{Value, json};
 use super::edit::{Document, Original};
 use super::import::{Buffer, RawParts, raw_parts};
 use super::{Scene, SceneError, gltf_writer};
-use stereolux_base::files::{Stamp, write_beside};
+use stereolux_base::files::write_beside;
 use stereolux_base::limits::LoadBudget;
 
 impl Document {
@@ -86,16 +86,13 @@ impl Document {
 /// The edited JSON, and the bytes of its only buffer.
 fn patched(original: &Original, scene: &Scene) -> Result<(Value, Vec<u8>), SceneError> {
     let budget = LoadBudget::new(original.limits);
-    for (file, was) in &original.buffer_files {
-        if Stamp::of(file) != *was {
-            return Err(SceneError::Write {
-                what: format!(
-                    "{}: has changed or gone since the scene was read; put it back as it was, its time included, or open the \
-                     scene again",
-                    file.display()
-                ),
-            });
-        }
+    if let Some(file) = original.files.iter().find(|file| !file.is_unchanged()) {
+        return Err(SceneError::Write {
+            what: format!(
+                "{}: has changed or gone since the scene was read; put it back as it was, or open the scene again",
+                file.path.display()
+            ),
+        });
     }
     let RawParts {
         mut json,

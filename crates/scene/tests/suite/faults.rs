@@ -41,7 +41,7 @@ fn unsupported_extensions_are_errors_if_required_and_warnings_if_used() {
 
 /// Where the square is changed, to what, and what is said.
 const FAULTS: &str = r#"
-    /nodes/0/mesh | 7 | nodes[0].mesh: index out of range
+    /nodes/0/mesh | 7 | nodes[0].mesh: index out of range 7
     /nodes/0/mesh | 4294967296 | nodes[0].mesh: index out of range
     /meshes/0/primitives/0/attributes/POSITION | 50 | POSITION: accessor 50 is out of range
     /meshes/0/primitives/0/indices | 50 | indices
@@ -54,7 +54,8 @@ const FAULTS: &str = r#"
     /accessors/0/count | 0 | count is 0
     /accessors/0/count | -4 | accessors[0]
     /accessors/0/byteOffset | 18446744073709551615 | elements need
-    /accessors/0/componentType | 1234 | accessors[0].componentType
+    /accessors/0/componentType | 1234 | accessors[0].componentType: invalid value 1234
+    /extensions | { "KHR_lights_punctual": { "lights": [{ "type": "lamp" }] } } | extensions.KHR_lights_punctual.lights[0].type: invalid value "lamp"
     /accessors/0/type | "VEC2" | components per element
     /accessors/1/componentType | 5122 | indices must be unsigned
     /bufferViews/0/byteLength | 18446744073709551615 | lie outside buffer 0
@@ -139,6 +140,19 @@ fn images_must_be_decodable() {
         image(&png_1x1()[..40]),
         "images[0] 'leaf': cannot be decoded",
     );
+    // JPEG decoders fill up what is missing.
+    let jpeg = {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        image::RgbImage::from_fn(64, 64, |x, y| image::Rgb([(x * y % 251) as u8, 7, 200]))
+            .write_to(&mut bytes, image::ImageFormat::Jpeg)
+            .unwrap();
+        bytes.into_inner()
+    };
+    assert!(image(&jpeg).is_ok());
+    assert!(image(&[&jpeg[..], b"more"].concat()).is_ok());
+    for kept in [jpeg.len() / 2, jpeg.len() - 2] {
+        assert_fault(image(&jpeg[..kept]), "ends before the picture");
+    }
     // A header that claims 4 billion by 4 billion pixels.
     let mut huge = png_1x1();
     huge[16..24].fill(0x7f);

@@ -231,10 +231,18 @@ fn what_was_not_edited_stays_and_the_file_stands_alone() {
         .unwrap();
     let saved = document.to_glb().unwrap();
     let wanted = plain(document.scene());
-    // Another program's bytes are not what was edited.
-    folder.write("first.bin", "more than three");
-    let error = document.to_glb().unwrap_err().to_string();
-    assert!(error.contains("first.bin: has changed"), "{error}");
+    // Another program's bytes are not what was edited; the same bytes with a new time are.
+    for name in ["first.bin", "dots.png"] {
+        let path = folder.join(name);
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, [&bytes[..], b"more"].concat()).unwrap();
+        let error = document.to_glb().unwrap_err().to_string();
+        assert!(error.contains(&format!("{name}: has changed")), "{error}");
+        std::fs::remove_file(&path).unwrap();
+        assert!(document.to_glb().is_err(), "{name} has gone");
+        std::fs::write(&path, bytes).unwrap();
+        assert!(document.to_glb().unwrap() == saved, "{name}");
+    }
     // Alone: everything beside it is gone.
     for name in ["first.bin", "the second.bin", "dots.png", "scene.gltf"] {
         std::fs::remove_file(folder.join(name)).unwrap();
