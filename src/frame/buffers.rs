@@ -251,7 +251,7 @@ pub const BUFFERS: &[BufferRow] = &[
 
     // Reconstruction: `shaders/shared/reconstruction.wesl`.
     per_pixel!(Eye, "seen_surfaces", 16).holds(Holds::Turns),
-    per_pixel!(Eye, "seen_emission", 4),
+    per_pixel!(Eye, "seen_albedo", 8),
     tile_list("tile_marks").cleared(&[Moment::Frame]),
     tile_list("seen_list"),
     fixed!(Eye, "seen_count", 16).cleared(&[Moment::Frame]),

@@ -19,8 +19,7 @@ pub struct RadianceParts {
     pub direct: Vec<[f32; 3]>,
     /// The rest of the radiance: exactly what `read_radiance` gives less `direct`, in f32, but never below 0.
     pub indirect: Vec<[f32; 3]>,
-    /// Reflectance towards the eye, by its Fresnel terms, of the first surface that is no mirror, times what mirrors before it
-    /// reflect; 1 where a sample met no surface.
+    /// Reflectance of the first surface towards the eye, by its Fresnel terms; 1 where a sample met no surface.
     pub albedo: Vec<[f32; 3]>,
 }
 

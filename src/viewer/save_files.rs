@@ -101,11 +101,11 @@ impl App {
         if !self.document.is_modified() {
             return None;
         }
-        let wanted = PathBuf::from(self.fields.path_of(Saved::Scene).trim());
+        // Whatever is being written in the field.
+        let wanted = Path::new(self.fields.path_of(Saved::Scene).trim()).with_extension("glb");
         self.make_room(&wanted);
-        let [stem, extension] = [wanted.file_stem(), wanted.extension()]
-            .map(|part| part.unwrap_or_default().to_string_lossy());
-        let beside = (2_u32..).map(|n| wanted.with_file_name(format!("{stem}_{n}.{extension}")));
+        let stem = wanted.file_stem().unwrap_or_default().to_string_lossy();
+        let beside = (2_u32..).map(|n| wanted.with_file_name(format!("{stem}_{n}.glb")));
         let mut paths = iter::once(wanted.clone()).chain(beside);
         let path = paths.find(|path| !path.exists())?;
         let written = self.document.save(&path);

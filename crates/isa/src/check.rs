@@ -71,6 +71,12 @@ const EXCEPTIONS: &[Exception] = &[
         reason: "a surface's materials and a ray are alive at once",
         kernels: WIDE_KERNELS,
     },
+    Exception {
+        cards: &[Family::Rdna3],
+        limit: Limit::Waves,
+        reason: "what shows in an image, what it is divided by and a ray are alive at once",
+        kernels: &[["gallery", "motion"]],
+    },
 ];
 
 const WIDE_KERNELS: &[[&str; 2]] = &[

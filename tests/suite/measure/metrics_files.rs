@@ -101,7 +101,7 @@ fn a_page_that_cannot_be_made_is_one_line_and_no_file() {
         assert_eq!(message.lines().count(), 1, "{message}");
         assert!(output.stdout.is_empty());
     }
-    assert_eq!(folder.files(), ["a.exr", "suite", "wider.exr"]);
+    assert_eq!(folder.files(), ["a.exr", "suite/report.html", "wider.exr"]);
     let kept = std::fs::read_to_string(folder.join("suite/report.html")).unwrap();
     assert_eq!(kept, "a suite's");
 }

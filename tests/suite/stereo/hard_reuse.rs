@@ -255,7 +255,7 @@ fn what_is_taken_over_has_the_mean_of_what_would_be_traced() {
 fn what_is_not_carried_and_what_is_none_is_noticed() {
     for (name, by, module, carries) in [
         (
-            "leaning",
+            "leaning varnish",
             Method::Path,
             "shared/carrying",
             "found.kind = 0u;",
