@@ -183,15 +183,21 @@ impl Renderer {
     }
 
     /// Variance of the luminance of light over albedo as accumulated over frames, direct and indirect light added; `None`
-    /// without filtering. `eye` names the buffers.
+    /// without filtering, 0 where no surface is seen. `eye` names the buffers.
     ///
     /// # Errors
     /// [`RenderError::Gpu`].
     #[cfg_attr(not(feature = "internals"), doc(hidden))]
     pub fn read_variance(&self, eye: Eye) -> Result<Option<Vec<f32>>, RenderError> {
         let moments = self.read_pixels((Whose::Eye(eye), "moments"))?;
-        let sum = |words| unpack_variances(words).iter().sum();
-        Ok(moments.map(|moments| moments.into_iter().map(sum).collect()))
+        let seen = self.read_pixels::<[u32; 4]>((Whose::Eye(eye), "seen_surfaces"))?;
+        // Nothing is written for surroundings.
+        let sum = |(words, [distance, ..]): ([u32; 2], [u32; 4])| match distance {
+            0 => 0.0,
+            _ => unpack_variances(words).iter().sum(),
+        };
+        let both = moments.zip(seen);
+        Ok(both.map(|(moments, seen)| moments.into_iter().zip(seen).map(sum).collect()))
     }
 
     /// What every pixel of an eye saw: distance in metres (bits), normal, instance and flags, place in the pixel; and its
