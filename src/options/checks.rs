@@ -103,7 +103,7 @@ fn keeps_inputs(
     for (name, path) in inputs {
         let file = resolved(path);
         if let Some((path, recorded)) = &recorded
-            && (file == *recorded || is_one_file(&file, recorded))
+            && is_one_file(&file, recorded)
         {
             let why = format!("is the file that {name} reads; give --record another name");
             return refused("--record", path, &why);
@@ -119,18 +119,17 @@ fn keeps_inputs(
     Ok(())
 }
 
-/// Whether two names lead to one file, by hard links.
+/// Whether two resolved names lead to one file, also by hard links.
 fn is_one_file(a: &Path, b: &Path) -> bool {
     #[cfg(unix)]
     {
         use std::os::unix::fs::MetadataExt as _;
-        let number = |path: &Path| path.metadata().map(|about| (about.dev(), about.ino()));
-        matches!((number(a), number(b)), (Ok(a), Ok(b)) if a == b)
+        let number = |path: &Path| path.metadata().ok().map(|about| (about.dev(), about.ino()));
+        if number(a).is_some_and(|file| number(b) == Some(file)) {
+            return true;
+        }
     }
-    #[cfg(not(unix))]
-    {
-        a == b
-    }
+    a == b
 }
 
 /// The file or folder itself, whatever leads to it; one that is still to be made by the folder that it will be in.
