@@ -1,11 +1,12 @@
 //! Materials, with references into the packed textures.
 
 use crate::renderer::records::material::{
-    MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED, MATERIAL_THIN_WALL, Material,
-    TEXTURE_UV1_BIT, TextureSlot,
+    MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED, MATERIAL_THIN_WALL,
+    MOST_MATERIALS, Material, TEXTURE_UV1_BIT, TextureSlot,
 };
 use crate::scene::{self, AlphaMode, Scene, TextureRef};
 
+use super::PackError;
 use super::textures::PackedTextures;
 
 /// Stands for an infinite index of refraction, KHR_materials_ior's special value 0: F0 is 1 in f32.
@@ -14,12 +15,21 @@ const INFINITE_IOR: f32 = 1.0e8;
 const DARKEST_ATTENUATION: f32 = 1.0e-30;
 
 /// Packs all materials of the scene in order. Slots whose texture `textures` left out read no texture.
-pub fn pack_materials(scene: &Scene, textures: &PackedTextures) -> Vec<Material> {
-    scene
-        .materials
-        .iter()
-        .map(|material| pack_material(material, textures))
-        .collect()
+///
+/// # Errors
+///
+/// [`PackError::TooManyMaterials`].
+pub fn pack_materials(
+    scene: &Scene,
+    textures: &PackedTextures,
+) -> Result<Vec<Material>, PackError> {
+    let count = scene.materials.len();
+    if count > MOST_MATERIALS {
+        return Err(PackError::TooManyMaterials { count });
+    }
+    let materials = scene.materials.iter();
+    let packed = materials.map(|material| pack_material(material, textures));
+    Ok(packed.collect())
 }
 
 fn pack_material(material: &scene::Material, textures: &PackedTextures) -> Material {
@@ -120,7 +130,21 @@ mod tests {
             materials: vec![material],
             ..Scene::default()
         };
-        pack_materials(&scene, &PackedTextures::default())[0]
+        pack_materials(&scene, &PackedTextures::default()).unwrap()[0]
+    }
+
+    #[test]
+    fn more_materials_than_a_ray_can_tell_apart_are_refused() {
+        let packed = |count: usize| {
+            let scene = Scene {
+                materials: vec![scene::Material::default(); count],
+                ..Scene::default()
+            };
+            pack_materials(&scene, &PackedTextures::default()).map(|materials| materials.len())
+        };
+        assert_eq!(packed(MOST_MATERIALS), Ok(MOST_MATERIALS));
+        let count = MOST_MATERIALS + 1;
+        assert_eq!(packed(count), Err(PackError::TooManyMaterials { count }));
     }
 
     #[test]

@@ -28,6 +28,8 @@ pub use textures::{PackedTextures, image_levels, linear_from_srgb, pack_textures
 pub use user_bsdf::{UserBsdf, check_user_bsdfs, install_user_bsdfs, user_bsdf_dispatch};
 pub use vertices::pack_vertices;
 
+use crate::renderer::records::material::MOST_MATERIALS;
+
 /// A scene that cannot be packed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PackError {
@@ -47,6 +49,14 @@ pub enum PackError {
         without_levels: &'static str,
         /// Name and size of the largest image.
         largest: String,
+    },
+    /// More materials than a ray can tell apart.
+    #[error(
+        "{count} materials are too many: at most {MOST_MATERIALS} fit; merge those that are alike"
+    )]
+    TooManyMaterials {
+        /// How many there are.
+        count: usize,
     },
     /// A material asks for a user's BSDF that was not added.
     #[error(

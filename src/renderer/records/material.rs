@@ -11,6 +11,9 @@ pub const MATERIAL_ALPHA_BLEND: u32 = 4;
 /// `Material::flags`: glass is a thin wall.
 pub const MATERIAL_THIN_WALL: u32 = 8;
 
+/// Materials of a scene at most: a ray's record of the bodies that it is in (`shaders/shared/surface.wesl`) tells so many apart.
+pub const MOST_MATERIALS: usize = 0x7f80;
+
 /// [`TextureSlot::info`]: no texture.
 pub const NO_TEXTURE: u32 = u32::MAX;
 /// [`TextureSlot::info`]: coordinate set 1 is read.

@@ -143,7 +143,7 @@ impl SceneBuffers {
         context: &GpuContext,
         scene: &Scene,
     ) -> Result<Edited, RenderError> {
-        let mut materials = pack_materials(scene, &self.packed_textures);
+        let mut materials = pack_materials(scene, &self.packed_textures)?;
         if materials.is_empty() {
             // Nothing binds a buffer smaller than one record.
             materials.push(Material::default());

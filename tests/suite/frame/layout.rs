@@ -238,6 +238,11 @@ fn shared_numbers() -> Vec<(&'static str, &'static str, f64)> {
         ),
         ("shared/nearest", "HEAP", nearest as f64),
         ("shared/records", "MATERIAL_WORDS", material_words),
+        (
+            "shared/surface",
+            "MOST_MATERIALS",
+            material::MOST_MATERIALS as f64,
+        ),
     ];
     let row_shift = ROW_TEXELS.trailing_zeros();
     let words: &[(&str, &[(&str, u32)])] = &[

@@ -83,7 +83,7 @@ impl<'a> BsdfProbe<'a> {
             materials: materials.to_vec(),
             ..Scene::default()
         };
-        let packed = pack_materials(&scene, &PackedTextures::default());
+        let packed = pack_materials(&scene, &PackedTextures::default()).unwrap();
         let materials = storage_buffer_with_data(context, "materials", &packed).unwrap();
         Self {
             context,

@@ -277,35 +277,29 @@ fn absorbing_glass(absorbs: bool) -> Material {
 ///
 /// Eye at the origin, block from z = -1 to -5, wall at z = -3 facing the eye, lamp at z = -2: light of radiance
 /// albedo / pi times I cos / d^2, times exp(-absorption (d + way from the block's front to the wall)). A clear pane in the block, at
-/// z = -1.5, takes the body from no ray.
+/// z = -1.5, takes the body from no ray; a clear plate takes as much of the way as it fills of the block, be it inside or across its front.
 #[test]
 fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
     const INTENSITY: f32 = 7.0;
     const ALBEDO: f64 = 0.8;
-    let block: Vec<Triangle> = cube()
-        .into_iter()
-        .map(|corners| corners.map(|p| p * 2.0 - DVec3::Z * 3.0))
-        .collect();
+    let body = block(DVec3::splat(2.0), -3.0);
     let wall = square_ahead(1.9, 3.0);
     let pane = square_ahead(1.9, 1.5);
     let turned: Vec<Triangle> = pane.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
-    let lit = |absorbs: bool, pane: Option<&[Triangle]>| {
+    let half = DVec3::new(1.8, 1.8, 0.05);
+    let (plate, across) = (block(half, -1.5), block(half, -1.0));
+    let lit = |absorbs: bool, clear: &[Triangle], is_open: bool| {
         let mut scene = Scene::default();
-        add(&mut scene, &block, absorbing_glass(absorbs));
-        if let Some(pane) = pane {
-            let clear = Material {
-                is_open: true,
-                ..absorbing_glass(false)
-            };
-            add(&mut scene, pane, clear);
-        }
+        add(&mut scene, &body, absorbing_glass(absorbs));
+        let glass = absorbing_glass(false);
+        add(&mut scene, clear, Material { is_open, ..glass });
         let white = Material::lambert("wall", [ALBEDO as f32; 3]);
         add(&mut scene, &wall, white);
         add_point_light(&mut scene, DVec3::new(0.2, 0.1, -2.0), INTENSITY);
         scene
     };
     let views = eyes_at_origin(15.0);
-    let expected = |absorbs: bool| -> Vec<[f32; 3]> {
+    let expected = |absorbs: bool, clear_m: f64| -> Vec<[f32; 3]> {
         (0..24 * 24)
             .map(|pixel| {
                 let ray = pixel_ray(&views[0], pixel, [24, 24]);
@@ -313,7 +307,7 @@ fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
                 let to_lamp = DVec3::new(0.2, 0.1, -2.0) - point;
                 let d = to_lamp.length();
                 let light = ALBEDO / PI * f64::from(INTENSITY) * (to_lamp.z / d) / (d * d);
-                let inside = d + 2.0 / -ray.direction.z;
+                let inside = d + (2.0 - clear_m) / -ray.direction.z;
                 SURVIVES_PER_M.map(|share| {
                     let left = if absorbs { share.powf(inside) } else { 1.0 };
                     (light * left) as f32
@@ -322,21 +316,24 @@ fn lamps_inside_an_absorbing_body_are_dimmed_by_both_methods() {
             .collect()
     };
     for kind in [Method::Photon, Method::Path] {
-        for (absorbs, pane) in [
-            (true, None),
-            (false, None),
-            (true, Some(&pane[..])),
-            (true, Some(&turned[..])),
+        // Eye, glass, wall, lamp: three segments, four with a pane, five with a plate, so nothing but this light.
+        for (absorbs, clear, depth, clear_m) in [
+            (true, &[][..], 3, 0.0),
+            (false, &[], 3, 0.0),
+            (true, &pane, 4, 0.0),
+            (true, &turned, 4, 0.0),
+            (true, &plate, 5, 0.1),
+            (true, &across, 5, 0.05),
         ] {
-            // Eye, glass, wall, lamp: three segments, four with a pane, so nothing but this light.
-            let depth = if pane.is_some() { 4 } else { 3 };
             let settings = settings_of(kind, Technique::Mis, depth, 1);
-            let found = &images(&lit(absorbs, pane), &settings, [24, 24], &views)[0];
-            // Some 50 operations at 2^-24, exponentials of up to 8 with an error of 2^-22 in their argument.
-            let off = worst(found, &expected(absorbs));
-            assert!(off < 1e-4, "{kind:?}, absorbing {absorbs}: {off:e}");
+            let scene = lit(absorbs, clear, depth == 4);
+            let found = &images(&scene, &settings, [24, 24], &views)[0];
+            // Some 60 operations at 2^-24, exponentials of up to 8 with an error of 2^-22 in their argument.
+            let off = worst(found, &expected(absorbs, clear_m));
+            let what = format!("{kind:?}, absorbing {absorbs}, {depth} segments");
+            assert!(off < 1e-4, "{what}: {off:e}");
             // Negative control.
-            assert!(worst(found, &expected(!absorbs)) > 0.5);
+            assert!(worst(found, &expected(!absorbs, clear_m)) > 0.5, "{what}");
         }
     }
 }

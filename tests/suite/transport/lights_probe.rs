@@ -146,7 +146,7 @@ impl SceneUpload {
                 ));
             };
         }
-        upload!("materials", &pack_materials(scene, &textures));
+        upload!("materials", &pack_materials(scene, &textures).unwrap());
         upload!("texture_infos", &textures.infos);
         upload!("texels", &textures.texels);
         upload!("vertices", &pack_vertices(scene));
