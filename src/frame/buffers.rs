@@ -11,8 +11,6 @@ use crate::renderer::records::stereo::StereoCounters;
 
 /// Bytes of a buffer that a shader declares and nothing writes: more than any record.
 pub const TOKEN_BYTES: u64 = 256;
-/// Bytes of a sample's parts: direct light and albedo, three f32 each.
-pub const PARTS_BYTES: u64 = 24;
 
 /// When buffers are cleared; the plan says where these moments lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -197,7 +195,6 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Eye, "hit_paths", 16),
     per_pixel!(Eye, "hit_surfaces", 16),
     per_pixel!(Eye, "end_rays", 16),
-    per_pixel!(Eye, "first_albedo", 16),
     // Direct light and emission; indirect light and caustics.
     per_pixel!(Eye, "direct_light", 16),
     per_pixel!(Eye, "indirect_light", 16),
@@ -207,7 +204,8 @@ pub const BUFFERS: &[BufferRow] = &[
     per_pixel!(Eye, "steady_coverage", 4).holds(Holds::Turns),
     // Sums over a frame's samples.
     per_pixel!(Eye, "radiance_sum", 16).cleared(&[Moment::Sums]),
-    per_pixel!(Eye, "parts_sum", PARTS_BYTES).cleared(&[Moment::Sums]),
+    per_pixel!(Eye, "direct_sum", 16).cleared(&[Moment::Sums]),
+    per_pixel!(Eye, "albedo_sum", 16).cleared(&[Moment::Sums]),
     // One bit per pixel: hidden by the headset's lens.
     BufferRow::new("hidden_pixels", Scope::Eye(|image| image.pixels().div_ceil(32) * 4)).host_writes(),
 

@@ -21,6 +21,8 @@ pub fn shader_features(needs: &Needs, settings: &RenderSettings) -> ShaderFeatur
         light_only: is_alone(Technique::Light),
         bsdf_only: is_alone(Technique::Bsdf),
         parts: splits_light(settings),
+        // Of one sample the filters know it themselves.
+        albedo_sums: settings.output.parts || (splits_light(settings) && settings.spp > 1),
         svgf: settings.reconstruct.svgf.is_on(),
         anti_aliased: settings.reconstruct.taa.is_on(),
         counts_work: settings.output.work,

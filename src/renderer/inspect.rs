@@ -340,11 +340,11 @@ fn of_frame(
         let lacking = || lacks(inspection, "reuse=lookup");
         return Ok(InspectedValues::Labels(read.ok_or_else(lacking)?));
     }
-    let parts = renderer.read_all_parts(buffers)?;
-    let parts = parts.ok_or_else(|| lacks(inspection, "output.parts=true"))?;
+    let parts = renderer.read_direct_and_indirect(buffers)?;
+    let [direct, indirect] = parts.ok_or_else(|| lacks(inspection, "output.parts=true"))?;
     Ok(InspectedValues::Color(match inspection {
-        Inspection::Direct => parts.direct,
-        _ => parts.indirect,
+        Inspection::Direct => direct,
+        _ => indirect,
     }))
 }
 

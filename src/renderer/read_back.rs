@@ -89,8 +89,17 @@ impl Renderer {
     /// # Errors
     /// [`RenderError::Gpu`]; [`RenderError::Settings`] where a reconstructed frame does not keep it (`output.kept`).
     pub fn read_samples(&self, eye: Eye) -> Result<Option<Vec<[f32; 3]>>, RenderError> {
+        self.read_sample_mean(eye, "radiance_sum")
+    }
+
+    /// A sum over the frame's samples, divided by their number.
+    fn read_sample_mean(
+        &self,
+        eye: Eye,
+        name: &'static str,
+    ) -> Result<Option<Vec<[f32; 3]>>, RenderError> {
         let scale = 1.0 / self.settings.spp.max(1) as f32;
-        let sums = self.read_colors(eye, "radiance_sum")?;
+        let sums = self.read_colors(eye, name)?;
         let mean = |sum: [f32; 3]| sum.map(|channel| channel * scale);
         Ok(sums.map(|sums| sums.into_iter().map(mean).collect()))
     }
@@ -101,43 +110,38 @@ impl Renderer {
     /// # Errors
     /// [`RenderError::Gpu`].
     pub fn read_parts(&self, eye: Eye) -> Result<Option<RadianceParts>, RenderError> {
-        match self.buffers_of(eye).filter(|_| self.settings.output.parts) {
-            Some(eye) => self.read_all_parts(eye),
-            None => Ok(None),
-        }
+        let Some(eye) = self.buffers_of(eye).filter(|_| self.settings.output.parts) else {
+            return Ok(None);
+        };
+        let parts = self.read_direct_and_indirect(eye)?;
+        let albedo = self.read_sample_mean(eye, "albedo_sum")?;
+        Ok(parts
+            .zip(albedo)
+            .map(|([direct, indirect], albedo)| RadianceParts {
+                direct,
+                indirect,
+                albedo,
+            }))
     }
 
-    /// As [`Renderer::read_parts`], wherever radiance is split for whatever reason; `eye` names the buffers.
-    ///
-    /// # Errors
-    /// [`RenderError::Gpu`].
-    #[cfg_attr(not(feature = "internals"), doc(hidden))]
-    pub fn read_all_parts(&self, eye: Eye) -> Result<Option<RadianceParts>, RenderError> {
-        let Some(sums) = self.read_pixels::<[[f32; 3]; 2]>((Whose::Eye(eye), "parts_sum"))? else {
+    /// The first two of [`RadianceParts`], wherever radiance is split for whatever reason; `eye` names the buffers.
+    pub(super) fn read_direct_and_indirect(
+        &self,
+        eye: Eye,
+    ) -> Result<Option<[Vec<[f32; 3]>; 2]>, RenderError> {
+        let Some(direct) = self.read_sample_mean(eye, "direct_sum")? else {
             return Ok(None);
         };
         let Some(radiance) = self.read_samples(eye)? else {
             return Ok(None);
         };
-        let scale = 1.0 / self.settings.spp.max(1) as f32;
-        let mean = |part: usize| -> Vec<[f32; 3]> {
-            let parts = sums.iter().map(|sums| sums[part]);
-            parts
-                .map(|sum| sum.map(|channel| channel * scale))
-                .collect()
-        };
-        let direct = mean(0);
         let indirect = radiance
             .iter()
             .zip(&direct)
             // Where nothing is indirect the two sums were rounded differently.
             .map(|(all, direct)| [0, 1, 2].map(|channel| (all[channel] - direct[channel]).max(0.0)))
             .collect();
-        Ok(Some(RadianceParts {
-            direct,
-            indirect,
-            albedo: mean(1),
-        }))
+        Ok(Some([direct, indirect]))
     }
 
     /// Ray direction (unit, render space) and distance of every pixel's first hit in the last sample; 0 is a miss. `eye`

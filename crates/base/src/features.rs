@@ -97,6 +97,7 @@ features! {
         light_only: "direct light by light samples only",
         bsdf_only: "direct light by BSDF samples only",
         parts: "separate direct and indirect light",
+        albedo_sums: "the first surface's albedo",
         svgf: "the filter's guides beside the light",
         anti_aliased: "temporal anti-aliasing",
         still_mean: "the mean of still frames",

@@ -41,7 +41,7 @@ pub(super) fn after(frame: &FrameSpec<'_>) -> PlannedStage {
         names.push("hit_rays");
     }
     if output.parts || output.kept == Kept::All {
-        names.extend(["radiance_sum", "parts_sum"]);
+        names.extend(["radiance_sum", "direct_sum", "albedo_sum"]);
     }
     if output.kept == Kept::All {
         names.extend(["motion", "scatter_winners"]);

@@ -426,6 +426,7 @@ fn variance_is_zero_without_noise_and_that_of_the_light_with_it() {
             s.reconstruct.svgf = true.into();
             s.reconstruct.stereo = false;
             s.reconstruct.moments_alpha = 0.0;
+            s.output.parts = true;
         });
         let mut renderer = renderer(&scene, &settings, SIZE);
         let views = views(&scene, 18.0);
@@ -433,7 +434,7 @@ fn variance_is_zero_without_noise_and_that_of_the_light_with_it() {
         for index in 0..frames {
             // Every 64th frame's samples lie at one place in their pixels.
             play(&mut renderer, &views, 64 * index..64 * index + 1);
-            let parts = renderer.read_all_parts(Eye::Left).unwrap().unwrap();
+            let parts = renderer.read_parts(Eye::Left).unwrap().unwrap();
             let of_pixel = |pixel: usize| {
                 [&parts.direct, &parts.indirect].map(|part| {
                     let light = [0, 1, 2].map(|c| {
