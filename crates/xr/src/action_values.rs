@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::DVec2;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use serde_json::Value;
 
 use super::actions::{ActionError, ActionKind, Actions, unknown, wrong_kind};
@@ -78,6 +78,13 @@ impl ActionValue {
             Self::Vec2(value) => value.length(),
             Self::Pose(place) => f64::from(u8::from(place.is_some())),
         }
+    }
+}
+
+/// As a recording holds them: only what is not at rest.
+impl Serialize for ActionValues {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.iter().filter(|(_, value)| !value.is_rest()))
     }
 }
 
@@ -202,14 +209,11 @@ impl ActionValues {
         Ok(())
     }
 
-    /// As a recording holds them: only what is not at rest. `None`: nothing.
-    pub(super) fn json(&self) -> Option<BTreeMap<&str, ActionValue>> {
-        let told = self.0.iter().filter(|(_, value)| !value.is_rest());
-        let told: BTreeMap<_, _> = told.map(|(name, value)| (name.as_str(), *value)).collect();
-        (!told.is_empty()).then_some(told)
+    pub(super) fn are_at_rest(&self) -> bool {
+        self.0.values().all(ActionValue::is_rest)
     }
 
-    /// Reads what [`ActionValues::json`] wrote. The kinds show: what is true or false, a number, two, or a place.
+    /// Reads what a recording holds. The kinds show: what is true or false, a number, two, or a place.
     pub(super) fn read(path: &str, value: &Value) -> Result<Self, Fault> {
         let Value::Object(map) = value else {
             let what = format!("{value} is not an object of actions' values");

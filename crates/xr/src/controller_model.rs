@@ -2,7 +2,8 @@
 
 use std::path::{Component, Path};
 
-use serde_json::{Map, Value};
+use serde::Serializer;
+use serde_json::Value;
 use stereolux_base::files::{self, Unreachable};
 use stereolux_base::limits::{LoadBudget, LoadLimits};
 
@@ -75,9 +76,10 @@ fn read_name(path: &str, value: &Value) -> Result<String, Fault> {
 }
 
 /// As a frame's line has them.
-pub(super) fn names_json(names: &ModelNames) -> Option<Map<String, Value>> {
+pub(super) fn write_names<S: Serializer>(
+    names: &ModelNames,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
     let known = Side::BOTH.into_iter().zip(names);
-    let known = known.filter_map(|(side, name)| Some((side.word().into(), name.clone()?.into())));
-    let map: Map<String, Value> = known.collect();
-    (!map.is_empty()).then_some(map)
+    serializer.collect_map(known.filter_map(|(side, name)| Some((side.word(), name.as_ref()?))))
 }

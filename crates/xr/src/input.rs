@@ -4,26 +4,27 @@
 //! ([`super::XrSession::locate_input`]). Everything an application can react to is in here, and a recording holds all of
 //! it, so that a replay drives the application through the same frames.
 
-use std::collections::BTreeMap;
-
 use glam::{DQuat, DVec2, DVec3};
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 
-use super::action_values::{ActionValue, ActionValues};
-use super::trace::Fields;
+use super::action_values::ActionValues;
+use super::trace::{Fields, is_default};
 use super::validation::{Fault, check_pose, within};
 use stereolux_base::pose::Pose;
 
 /// What the wearer does in one frame. At rest, with nothing tracked, it equals `Input::default()`.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Input {
     /// Left hand, right hand.
+    #[serde(flatten, serialize_with = "write_hands")]
     pub hands: [Hand; 2],
     /// World from gaze: -Z is where the eyes look; `None` where nothing tracks them.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub gaze: Option<Pose>,
     /// The application's own actions: all that it declares, or, in a loop of one's own, those that are not at rest
     /// ([`ActionValues::of`] completes them).
+    #[serde(skip_serializing_if = "ActionValues::are_at_rest")]
     pub actions: ActionValues,
 }
 
@@ -64,10 +65,10 @@ pub struct Hand {
     #[serde(skip_serializing_if = "is_centred")]
     pub stick: DVec2,
     /// Buttons that are held down.
-    #[serde(skip_serializing_if = "Buttons::are_none")]
+    #[serde(skip_serializing_if = "is_default")]
     pub pressed: Buttons,
     /// Buttons that a finger rests on; none where the controller does not feel it.
-    #[serde(skip_serializing_if = "Buttons::are_none")]
+    #[serde(skip_serializing_if = "is_default")]
     pub touched: Buttons,
     /// Joints of the tracked hand; `None` where the runtime tracks none.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -183,10 +184,6 @@ impl Buttons {
     pub fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
     }
-
-    fn are_none(&self) -> bool {
-        *self == Self::default()
-    }
 }
 
 /// The names in files.
@@ -228,18 +225,7 @@ impl Input {
         Ok(self)
     }
 
-    /// As a recording holds it: only what is not at rest. `None`: nothing.
-    pub(super) fn json(&self) -> Option<InputJson<'_>> {
-        let [left, right] = &self.hands;
-        (*self != Self::default()).then(|| InputJson {
-            left: Some(left).filter(|hand| **hand != Hand::default()),
-            right: Some(right).filter(|hand| **hand != Hand::default()),
-            gaze: self.gaze,
-            actions: self.actions.json(),
-        })
-    }
-
-    /// Reads what [`Input::json`] wrote; `value` is the field `input`.
+    /// Reads what a recording holds: only what is not at rest. `value` is the field `input`.
     pub(super) fn read(value: &Value) -> Result<Self, Fault> {
         let fields = Fields::of("input", value, &["left", "right", "gaze", "actions"])?;
         let hand = |key| fields.optional(key, Hand::read);
@@ -366,17 +352,10 @@ fn read_joints(path: &str, value: &Value) -> Result<Box<[Joint; JOINTS]>, Fault>
         .map_err(|_| wrong(format!("holds {count} joints, not {JOINTS}")))
 }
 
-/// `input` of a frame's line.
-#[derive(Serialize)]
-pub(super) struct InputJson<'a> {
-    #[serde(skip_serializing_if = "Option::is_none")]
-    left: Option<&'a Hand>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    right: Option<&'a Hand>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    gaze: Option<Pose>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    actions: Option<BTreeMap<&'a str, ActionValue>>,
+/// By their sides, without those at rest.
+fn write_hands<S: Serializer>(hands: &[Hand; 2], serializer: S) -> Result<S::Ok, S::Error> {
+    let hands = Side::BOTH.map(Side::word).into_iter().zip(hands);
+    serializer.collect_map(hands.filter(|(_, hand)| !is_default(*hand)))
 }
 
 /// Whether a number may be left out; -0 may not, so that what is read and written again gives the same bytes.

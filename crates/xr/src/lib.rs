@@ -262,13 +262,14 @@ impl ViewFlags {
 }
 
 /// Both eyes at one display time.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LocatedViews {
     /// Left eye, right eye.
     pub views: [View; 2],
     /// Tracking flags.
     pub flags: ViewFlags,
     /// True if the tracker had no usable pose and these are the last good views.
+    #[serde(skip)]
     pub repeated: bool,
 }
 

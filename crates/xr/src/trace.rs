@@ -14,9 +14,9 @@
 //! known, and `input`, what the wearer did (`docs/recordings.md` has the keys of all three). Unknown keys are errors. A last
 //! line that was cut short (the run that wrote it was killed) is dropped with a warning.
 
-use super::controller_model::{self, ModelNames};
+use super::controller_model;
 use super::hidden_area::HiddenArea;
-use super::input::{Input, InputJson};
+use super::input::Input;
 use super::text_lines::{self, Line, TextLines};
 use super::validation::{self, Fault, within};
 use super::view::{Fov, View};
@@ -40,36 +40,48 @@ const BEGINNING: &str = r#"{"format":"stereolux-trace","version":"#;
 pub(super) const VERSION_AT: usize = BEGINNING.len();
 
 /// First line of a native trace.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TraceHeader {
     /// The headset that the views came from.
     pub headset: String,
     /// Its refresh rate, hertz.
     pub refresh_hz: f64,
     /// What each eye's lens hides, left and right.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub hidden: Option<[HiddenArea; 2]>,
 }
 
 /// One frame of a native trace.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TraceFrame {
     /// Display time, nanoseconds; strictly increasing through a trace.
     pub t_ns: i64,
     /// Both eyes, as they were rendered.
+    #[serde(flatten)]
     pub views: LocatedViews,
     /// Both eyes as they were located first, where that is another place: what the application saw.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub located: Option<[View; 2]>,
     /// Stereo reuse is switched from this frame on.
+    #[serde(skip_serializing_if = "is_default")]
     pub switch_reuse: bool,
+    /// The quality that was set, for this frame and those after it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quality: Option<Quality>,
     /// The headset's refresh rate from this frame on, hertz, where it has changed.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub refresh_hz: Option<f64>,
     /// What the lenses hide from this frame on, where it has changed.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub hidden: Option<[HiddenArea; 2]>,
-    /// The quality that was set, for this frame and those after it.
-    pub quality: Option<Quality>,
     /// Files beside the trace with the controllers' models, left and right, in the frame in which they became known.
+    #[serde(
+        skip_serializing_if = "is_default",
+        serialize_with = "controller_model::write_names"
+    )]
     pub controller_model: [Option<String>; 2],
     /// What the wearer did.
+    #[serde(skip_serializing_if = "is_default")]
     pub input: Input,
 }
 
@@ -90,8 +102,8 @@ impl TraceFrame {
             && self.hidden.is_none()
             && self.located.is_none()
             && self.quality.is_none()
-            && self.controller_model == ModelNames::default()
-            && self.input == Input::default();
+            && is_default(&self.controller_model)
+            && is_default(&self.input);
         VERSIONS[usize::from(!is_plain)]
     }
 }
@@ -163,7 +175,7 @@ impl Trace {
                 );
                 return Err(InputError::field(&file, line.number, "t_ns", what));
             }
-            if frame.controller_model != ModelNames::default() {
+            if !is_default(&frame.controller_model) {
                 model_lines.push(line.number);
             }
             frames.push(frame);
@@ -514,35 +526,9 @@ fn read_view(path: &str, value: &Value) -> Result<View, Fault> {
     })
 }
 
-#[derive(Serialize)]
-struct HeaderJson<'a> {
-    format: &'static str,
-    version: u64,
-    headset: &'a str,
-    refresh_hz: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    hidden: Option<&'a [HiddenArea; 2]>,
-}
-
-#[derive(Serialize)]
-struct FrameJson<'a> {
-    t_ns: i64,
-    views: [View; 2],
-    flags: ViewFlags,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    located: Option<[View; 2]>,
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    switch_reuse: bool,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    quality: Option<Quality>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    refresh_hz: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    hidden: Option<&'a [HiddenArea; 2]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    controller_model: Option<Map<String, Value>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    input: Option<InputJson<'a>>,
+/// Whether what a field holds goes without saying.
+pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// The header's line, with its line feed. `version`: one that can hold it and all frames ([`TraceHeader::version`],
@@ -551,14 +537,19 @@ struct FrameJson<'a> {
 /// # Errors
 /// None that is known: serde_json's own.
 pub fn header_line(header: &TraceHeader, version: u64) -> Result<String, serde_json::Error> {
-    let line = serde_json::to_string(&HeaderJson {
-        format: FORMAT,
+    #[derive(Serialize)]
+    struct Line<'a> {
+        format: &'static str,
+        version: u64,
+        #[serde(flatten)]
+        header: &'a TraceHeader,
+    }
+    let format = FORMAT;
+    Ok(serde_json::to_string(&Line {
+        format,
         version,
-        headset: &header.headset,
-        refresh_hz: header.refresh_hz,
-        hidden: header.hidden.as_ref(),
-    })?;
-    Ok(line + "\n")
+        header,
+    })? + "\n")
 }
 
 /// Whether a file, as far as it goes, begins as [`header_line`] does: a recording, or one that was just begun.
@@ -578,17 +569,5 @@ pub fn begins_as_recording(path: &Path) -> std::io::Result<bool> {
 /// # Errors
 /// None that is known: serde_json's own.
 pub fn frame_line(frame: &TraceFrame) -> Result<String, serde_json::Error> {
-    let line = serde_json::to_string(&FrameJson {
-        t_ns: frame.t_ns,
-        views: frame.views.views,
-        located: frame.located,
-        flags: frame.views.flags,
-        switch_reuse: frame.switch_reuse,
-        quality: frame.quality,
-        refresh_hz: frame.refresh_hz,
-        hidden: frame.hidden.as_ref(),
-        controller_model: controller_model::names_json(&frame.controller_model),
-        input: frame.input.json(),
-    })?;
-    Ok(line + "\n")
+    Ok(serde_json::to_string(frame)? + "\n")
 }
