@@ -18,7 +18,7 @@ use self::models::Models;
 use super::world::{World, WorldError};
 use crate::pose::Pose;
 use crate::scene::edit::{Edit, Placement};
-use crate::scene::{Material, Mesh, Node, Scene, ScenePart};
+use crate::scene::{Material, Node, Scene, ScenePart};
 use crate::xr::Side;
 use crate::xr::input::{Hand, Input, JOINTS, Joint, Tracked};
 
@@ -101,22 +101,15 @@ fn scene() -> Scene {
         specular: 1.0,
         ..Material::lambert(name, color)
     };
-    let with = |mesh: Mesh, material: u32| {
-        let mut mesh = mesh;
-        for triangle in &mut mesh.triangles {
-            triangle.material = material;
-        }
-        mesh
-    };
     let mut scene = Scene {
         name: "hands".to_owned(),
         meshes: vec![
-            with(shapes::ball(), 0),
-            with(shapes::tube(), 0),
-            with(shapes::half(), 0),
-            with(shapes::triangle(), 0),
-            with(shapes::handle(), 1),
-            with(shapes::head(), 1),
+            shapes::ball().mesh(0),
+            shapes::tube().mesh(0),
+            shapes::half().mesh(0),
+            shapes::triangle().mesh(0),
+            shapes::handle().mesh(1),
+            shapes::head().mesh(1),
         ],
         materials: vec![
             matte("wearer's hands", [0.55, 0.42, 0.35], 0.6),

@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 
-use crate::scene::{Mesh, MeshTriangle};
+use crate::scene::Mesh;
 
 /// Corners of a circle.
 const AROUND: u32 = 32;
@@ -12,34 +12,41 @@ const AROUND: u32 = 32;
 /// A corner of a profile: distance from the axis and place along it, and the normal there, likewise.
 type Corner = (DVec2, DVec2);
 
+/// A mesh in the making: corners and the normals there, and what triangles lie between them.
+#[derive(Default)]
+pub(super) struct Solid {
+    corners: Vec<[DVec3; 2]>,
+    triangles: Vec<[u32; 3]>,
+}
+
 /// Radius 1 about the origin.
-pub(super) fn ball() -> Mesh {
+pub(super) fn ball() -> Solid {
     turned(&[arc(DVec2::ZERO, 1.0, -FRAC_PI_2, FRAC_PI_2)])
 }
 
 /// Radius 1 about Z from 0 to 1, open at both ends: what it joins closes it.
-pub(super) fn tube() -> Mesh {
+pub(super) fn tube() -> Solid {
     let normal = DVec2::X;
     turned(&[vec![(DVec2::X, normal), (DVec2::new(1.0, 1.0), normal)]])
 }
 
 /// The half of the ball where Z is positive, open.
-pub(super) fn half() -> Mesh {
+pub(super) fn half() -> Solid {
     turned(&[arc(DVec2::ZERO, 1.0, 0.0, FRAC_PI_2)])
 }
 
 /// The origin, X and Y.
-pub(super) fn triangle() -> Mesh {
-    let mut mesh = Mesh::default();
-    for corner in [DVec3::ZERO, DVec3::X, DVec3::Y] {
-        push(&mut mesh, corner, DVec3::Z, DVec3::X);
+pub(super) fn triangle() -> Solid {
+    Solid {
+        corners: [DVec3::ZERO, DVec3::X, DVec3::Y]
+            .map(|at| [at, DVec3::Z])
+            .into(),
+        triangles: vec![[0, 1, 2]],
     }
-    face(&mut mesh, [0, 1, 2]);
-    mesh
 }
 
 /// What the fingers close around: along Z, thumb at -Z.
-pub(super) fn handle() -> Mesh {
+pub(super) fn handle() -> Solid {
     const ROUND_M: f64 = 0.006;
     // Butt, waist, and the end that the head sits on: place along Z and radius, metres.
     let rings = [
@@ -60,19 +67,19 @@ pub(super) fn handle() -> Mesh {
 }
 
 /// What sits on the handle: a disc with a stick, a trigger below, and a ring before it. It points along -Z, its top is +Y.
-pub(super) fn head() -> Mesh {
+pub(super) fn head() -> Solid {
     const DISC_M: [f64; 2] = [0.023, 0.011];
     const RING_M: [f64; 2] = [0.042, 0.0055];
     // Their axes point up.
     let upright = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y);
     let at = |x: f64, y: f64, z: f64| DAffine3::from_mat3_translation(upright, DVec3::new(x, y, z));
-    let mut mesh = Mesh::default();
+    let mut head = Solid::default();
     let [radius_m, half_m] = DISC_M;
     let edge = |from, to| arc(DVec2::new(radius_m - half_m, 0.0), half_m, from, to);
     let mut disc = vec![(DVec2::new(0.0, -half_m), DVec2::NEG_Y)];
     disc.extend(edge(-FRAC_PI_2, FRAC_PI_2));
     disc.push((DVec2::new(0.0, half_m), DVec2::Y));
-    add(&mut mesh, &at(0.0, 0.0, 0.0), &turned(&[disc]));
+    head.add(&at(0.0, 0.0, 0.0), &turned(&[disc]));
     // A stick: a stem under a cap.
     let stem = vec![
         (DVec2::new(0.004, 0.0), DVec2::X),
@@ -86,26 +93,18 @@ pub(super) fn head() -> Mesh {
             (normal / size).normalize(),
         )
     });
-    add(
-        &mut mesh,
-        &at(0.0, 0.0, 0.0),
-        &turned(&[stem, cap.collect()]),
-    );
+    head.add(&at(0.0, 0.0, 0.0), &turned(&[stem, cap.collect()]));
     let [radius_m, half_m] = RING_M;
     let ring = arc(DVec2::new(radius_m, 0.0), half_m, -PI, PI);
     // Its rear is in the disc.
-    add(
-        &mut mesh,
-        &at(0.0, 0.0, -radius_m - 0.006),
-        &turned(&[ring]),
-    );
+    head.add(&at(0.0, 0.0, -radius_m - 0.006), &turned(&[ring]));
     let trigger = DAffine3::from_scale_rotation_translation(
         DVec3::new(0.007, 0.014, 0.009),
         glam::DQuat::from_rotation_x(0.5),
         DVec3::new(0.0, -0.014, -0.014),
     );
-    add(&mut mesh, &trigger, &ball());
-    mesh
+    head.add(&trigger, &ball());
+    head
 }
 
 /// Corners of an arc about `middle`, from one angle to another, 0 away from the axis.
@@ -120,79 +119,69 @@ fn arc(middle: DVec2, radius: f64, from_rad: f64, to_rad: f64) -> Vec<Corner> {
 }
 
 /// Profiles turned about Z.
-fn turned(profiles: &[Vec<Corner>]) -> Mesh {
-    let mut mesh = Mesh::default();
+fn turned(profiles: &[Vec<Corner>]) -> Solid {
+    let mut solid = Solid::default();
     for profile in profiles {
-        let first = mesh.positions.len() as u32;
+        let first = solid.corners.len() as u32;
         for (corner, normal) in profile {
             for step in 0..=AROUND {
                 // The last is where the first is, to the bit.
                 let turn = DVec2::from_angle(TAU * f64::from(step % AROUND) / f64::from(AROUND));
-                let out = |at: &DVec2| (turn * at.x.max(0.0)).extend(at.y);
-                let normal = (turn * normal.x).extend(normal.y);
-                push(&mut mesh, out(corner), normal, turn.perp().extend(0.0));
+                let corner = (turn * corner.x.max(0.0)).extend(corner.y);
+                solid
+                    .corners
+                    .push([corner, (turn * normal.x).extend(normal.y)]);
             }
         }
         let row = AROUND + 1;
         for ring in 0..profile.len() as u32 - 1 {
             for step in 0..AROUND {
                 let at = first + ring * row + step;
-                face(&mut mesh, [at, at + 1, at + row + 1]);
-                face(&mut mesh, [at, at + row + 1, at + row]);
+                solid.face([at, at + 1, at + row + 1]);
+                solid.face([at, at + row + 1, at + row]);
             }
         }
     }
-    mesh
+    solid
 }
 
-/// Adds another mesh.
-fn add(mesh: &mut Mesh, to: &DAffine3, other: &Mesh) {
-    let first = mesh.positions.len() as u32;
-    let normals_to = to.matrix3.inverse().transpose();
-    for ((corner, normal), tangent) in other
-        .positions
-        .iter()
-        .zip(&other.normals)
-        .zip(&other.tangents)
-    {
-        let [x, y, z, _] = tangent.map(f64::from);
-        push(
-            mesh,
-            to.transform_point3(DVec3::from(corner.map(f64::from))),
-            (normals_to * DVec3::from(normal.map(f64::from))).normalize(),
-            (to.matrix3 * DVec3::new(x, y, z)).normalize(),
-        );
+impl Solid {
+    /// Adds another one.
+    fn add(&mut self, to: &DAffine3, other: &Self) {
+        let first = self.corners.len() as u32;
+        let normals_to = to.matrix3.inverse().transpose();
+        let moved = other.corners.iter().map(|&[corner, normal]| {
+            [
+                to.transform_point3(corner),
+                (normals_to * normal).normalize(),
+            ]
+        });
+        self.corners.extend(moved);
+        for triangle in &other.triangles {
+            self.face(triangle.map(|corner| corner + first));
+        }
     }
-    for triangle in &other.triangles {
-        face(mesh, triangle.vertices.map(|vertex| vertex + first));
-    }
-}
 
-fn push(mesh: &mut Mesh, corner: DVec3, normal: DVec3, tangent: DVec3) {
-    mesh.positions.push(corner.as_vec3().to_array());
-    mesh.normals.push(normal.as_vec3().to_array());
-    mesh.tangents.push(tangent.as_vec3().extend(1.0).to_array());
-    mesh.uv0.push([0.0; 2]);
-    mesh.uv1.push([0.0; 2]);
-    mesh.colors.push([1.0; 4]);
-}
-
-/// Adds a triangle, its front where its normals point; none where it has no area.
-fn face(mesh: &mut Mesh, vertices: [u32; 3]) {
-    let at = |list: &[[f32; 3]], vertex: u32| DVec3::from(list[vertex as usize].map(f64::from));
-    let [a, b, c] = vertices.map(|vertex| at(&mesh.positions, vertex));
-    let normal: DVec3 = vertices.iter().map(|v| at(&mesh.normals, *v)).sum();
-    let front = (b - a).cross(c - a);
-    if front == DVec3::ZERO {
-        return;
+    /// Adds a triangle, its front where its normals point; none where it has no area.
+    fn face(&mut self, [a, b, c]: [u32; 3]) {
+        let corners = [a, b, c].map(|corner| self.corners[corner as usize]);
+        let [at_a, at_b, at_c] = corners.map(|[at, _]| at);
+        let normal: DVec3 = corners.iter().map(|[_, normal]| normal).sum();
+        let front = (at_b - at_a).cross(at_c - at_a);
+        if front != DVec3::ZERO {
+            let is_back = front.dot(normal) < 0.0;
+            self.triangles
+                .push(if is_back { [a, c, b] } else { [a, b, c] });
+        }
     }
-    let [a, b, c] = vertices;
-    mesh.triangles.push(MeshTriangle {
-        vertices: if front.dot(normal) < 0.0 {
-            [a, c, b]
-        } else {
-            [a, b, c]
-        },
-        material: 0,
-    });
+
+    /// Of one material.
+    pub(super) fn mesh(self, material: u32) -> Mesh {
+        let of = |which: usize| {
+            self.corners
+                .iter()
+                .map(move |corner| corner[which].as_vec3().into())
+        };
+        Mesh::plain(of(0).collect(), of(1).collect(), self.triangles, material)
+    }
 }
