@@ -32,7 +32,7 @@ fn sphere() -> Scene {
     let mut scene = builtin("sphere");
     for flat in &mut scene.meshes {
         let all = flat.triangles.iter().map(|triangle| flat.corners(triangle));
-        *flat = mesh(&all.collect::<Vec<_>>());
+        *flat = mesh(&all.collect::<Vec<_>>(), 0);
     }
     scene
 }

@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::renderer::Eye;
-use stereolux::scene::{Environment, LightKind, Material, Mesh, MeshTriangle, Node, Scene};
+use stereolux::scene::{Environment, LightKind, Material, Mesh, Node, Scene};
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::view::RayInWorld;
 use stereolux::xr::{Pose, View};
@@ -18,27 +18,13 @@ use crate::suite::support::{
 pub type Triangle = [DVec3; 3];
 
 /// A mesh with flat normals; triangles without area get +Z.
-pub fn mesh(triangles: &[Triangle]) -> Mesh {
-    let mut mesh = Mesh::default();
-    for triangle in triangles {
-        let [a, b, c] = *triangle;
-        let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
-        let tangent = normal.any_orthonormal_vector().as_vec3();
-        let first = mesh.positions.len() as u32;
-        for corner in triangle {
-            mesh.positions.push(corner.as_vec3().to_array());
-            mesh.normals.push(normal.as_vec3().to_array());
-            mesh.tangents.push(tangent.extend(1.0).to_array());
-            mesh.uv0.push([0.0; 2]);
-            mesh.uv1.push([0.0; 2]);
-            mesh.colors.push([1.0; 4]);
-        }
-        mesh.triangles.push(MeshTriangle {
-            vertices: [first, first + 1, first + 2],
-            material: 0,
-        });
-    }
-    mesh
+pub fn mesh(triangles: &[Triangle], material: u32) -> Mesh {
+    let normal = |[a, b, c]: &Triangle| (b - a).cross(c - a).normalize_or(DVec3::Z);
+    let arrays = |points: Vec<DVec3>| points.iter().map(|p| p.as_vec3().into()).collect();
+    let normals = triangles.iter().flat_map(|triangle| [normal(triangle); 3]);
+    let corners = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+    let positions = arrays(triangles.as_flattened().to_vec());
+    Mesh::plain(positions, arrays(normals.collect()), corners, material)
 }
 
 /// Adds triangles of one material as an instance of their own.
@@ -49,10 +35,7 @@ pub fn add(scene: &mut Scene, triangles: &[Triangle], material: Material) {
         mesh: Some(scene.meshes.len()),
         ..Node::default()
     });
-    let mut mesh = mesh(triangles);
-    for triangle in &mut mesh.triangles {
-        triangle.material = scene.materials.len() as u32;
-    }
+    let mesh = mesh(triangles, scene.materials.len() as u32);
     scene.meshes.push(mesh);
     scene.materials.push(material);
 }
