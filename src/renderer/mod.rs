@@ -4,28 +4,16 @@
 //! photons if the map is missing or out of date, renders the left eye, reuses it in the right eye, renders the remaining
 //! pixels, and reads back counters. Images stay on the device until they are asked for.
 
-#[cfg(test)]
-mod adaptive_radius_tests;
-#[cfg(test)]
-mod blend_tests;
 pub mod deform;
 pub mod driver_limits;
 mod editing;
-#[cfg(test)]
-mod editing_tests;
-#[cfg(test)]
-mod emission_tests;
 pub mod features;
 mod frame_spec;
 mod frame_uniform;
 pub mod frames_in_flight;
-#[cfg(test)]
-mod guide_tests;
 mod inspect;
 pub mod inspection;
 pub mod instance_table;
-#[cfg(test)]
-mod light_tree_tests;
 pub mod mirror;
 mod one_frame;
 pub mod packing;
@@ -44,8 +32,6 @@ mod session;
 pub mod stats;
 pub mod still;
 pub mod submit;
-#[cfg(test)]
-mod test_support;
 
 use std::collections::VecDeque;
 

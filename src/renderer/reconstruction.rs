@@ -210,6 +210,3 @@ impl Reconstruction {
         self.before = Some(now);
     }
 }
-
-#[cfg(test)]
-mod seen_tests;

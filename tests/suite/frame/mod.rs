@@ -13,6 +13,7 @@ pub mod endurance;
 pub mod forced_features;
 pub mod frame_plan;
 pub mod frames_in_flight;
+pub mod images_in_mirrors;
 pub mod layout;
 pub mod outliers;
 pub mod quality;

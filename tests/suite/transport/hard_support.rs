@@ -3,7 +3,7 @@
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::renderer::Eye;
 use stereolux::scene::{Environment, LightKind, Material, Mesh, Node, Scene};
-use stereolux::settings::{Method, RenderSettings, Reuse};
+use stereolux::settings::{DirectLight, Method, RenderSettings, Reuse};
 use stereolux::xr::view::RayInWorld;
 use stereolux::xr::{Pose, View};
 
@@ -92,6 +92,16 @@ pub fn paths(depth: u32, spp: u32) -> RenderSettings {
     })
 }
 
+/// Photons that come from the lights on their own, gathered as direct light.
+pub fn direct_from_map(paths: u32) -> RenderSettings {
+    settings(|s| {
+        s.reuse = Reuse::Off;
+        s.photon.count = paths;
+        s.photon.direct = DirectLight::Map;
+        s.photon.max_depth = 2;
+    })
+}
+
 /// Both eyes' images; neither has a NaN, an infinity or a negative value.
 pub fn images(
     scene: &Scene,
@@ -120,6 +130,12 @@ pub fn square_ahead(half: f64, ahead: f64) -> Vec<Triangle> {
         DVec3::X * edge,
         DVec3::Y * edge,
     )
+}
+
+/// Both eyes at one place, looking along -Z.
+pub fn looking_ahead(position: DVec3, half_degrees: f64) -> [View; 2] {
+    let head = Pose::new(position, DQuat::IDENTITY);
+    parallel_views(head, 0.0, square_fov(half_degrees))
 }
 
 /// Both eyes at the origin.

@@ -2,15 +2,15 @@
 //! geometrical optics in f64, and what is thinner than a pixel.
 
 use glam::{DAffine3, DQuat, DVec3};
+use stereolux::renderer::{Eye, InstanceId, Renderer};
+use stereolux::scene::{Material, Mesh, Node, Scene};
+use stereolux::settings::Reuse;
+use stereolux::xr::View;
 
-use crate::gpu::ShaderLibrary;
-use crate::renderer::test_support::{add_light, context, mesh, scene_of};
-use crate::renderer::{Eye, InstanceId, Renderer};
-use crate::scene::{LightKind, Material, Mesh, Scene};
-use crate::settings::{Eyes, Kept, Method, RenderSettings, Reuse};
-use crate::xr::{Fov, View};
+use super::hard_support::{add_point_light, mesh, quad};
+use super::reconstruction::{MOTION_TOLERANCE_PX, SIZE, filtered, project, sample_at};
+use super::support::{self, radiance, square_fov};
 
-const SIZE: u32 = 32;
 /// Distance from a mirror, or from glass, to what it shows, and to the eye.
 const SHOWN_M: f64 = 3.0;
 const EYE_M: f64 = 1.0;
@@ -29,19 +29,9 @@ fn mirror() -> Material {
 
 /// A square at z = `z_m` whose front looks along z times `facing`.
 fn square(z_m: f64, facing: f64, half_m: f64, material: u32) -> Mesh {
-    let corner = |x: f64, y: f64| {
-        (
-            DVec3::new(facing * x * half_m, y * half_m, z_m),
-            DVec3::Z * facing,
-        )
-    };
-    let corners = [
-        corner(-1.0, -1.0),
-        corner(1.0, -1.0),
-        corner(1.0, 1.0),
-        corner(-1.0, 1.0),
-    ];
-    mesh(&corners, vec![[0, 1, 2], [0, 2, 3]], material)
+    let [across, up] = [facing * half_m * DVec3::X, half_m * DVec3::Y];
+    let corner = DVec3::Z * z_m - across - up;
+    mesh(&quad(corner, 2.0 * across, 2.0 * up), material)
 }
 
 /// The cap of a ball of `radius_m` whose top is the origin and looks along z; with a negative radius a bowl.
@@ -51,47 +41,38 @@ fn cap(radius_m: f64, material: u32) -> Mesh {
         let along = |i: u32| (f64::from(i) / f64::from(SIDE) * 2.0 - 1.0) * 0.7;
         let [x, y] = [along(index % (SIDE + 1)), along(index / (SIDE + 1))];
         let normal = DVec3::new(x, y, (1.0 - x * x - y * y).sqrt());
-        ((normal - DVec3::Z) * radius_m, normal)
+        [(normal - DVec3::Z) * radius_m, normal].map(|v| v.as_vec3().to_array())
     };
-    let points: Vec<_> = (0..(SIDE + 1).pow(2)).map(point).collect();
+    let points = (0..(SIDE + 1).pow(2)).map(point);
+    let (positions, normals) = points.map(<(_, _)>::from).unzip();
     let cells = (0..SIDE * SIDE).map(|cell| cell / SIDE * (SIDE + 1) + cell % SIDE);
     let halves = cells.flat_map(|a| [[a, a + 1, a + SIDE + 2], [a, a + SIDE + 2, a + SIDE + 1]]);
-    mesh(&points, halves.collect(), material)
+    Mesh::plain(positions, normals, halves, material)
 }
 
 fn scene(first: Material, meshes: [Mesh; 2]) -> Scene {
-    let materials = vec![first, Material::lambert("wall", [0.5; 3])];
-    let mut scene = scene_of(materials, meshes.into());
-    let place = DAffine3::from_translation(DVec3::new(0.0, 2.5, EYE_M));
-    add_light(&mut scene, LightKind::Point, 1.0, place);
+    let node = |mesh| Node {
+        mesh: Some(mesh),
+        ..Node::default()
+    };
+    let mut scene = Scene {
+        materials: vec![first, Material::lambert("wall", [0.5; 3])],
+        meshes: meshes.into(),
+        nodes: vec![node(0), node(1)],
+        roots: vec![0, 1],
+        ..Scene::default()
+    };
+    add_point_light(&mut scene, DVec3::new(0.0, 2.5, EYE_M), 1.0);
     scene
 }
 
 /// Of filtered frames.
-fn settings() -> RenderSettings {
-    let mut settings = RenderSettings {
-        method: Method::Path,
-        reuse: Reuse::Off,
-        ..RenderSettings::default()
-    };
-    settings.reconstruct.svgf = true.into();
-    settings.reconstruct.taa = true.into();
-    settings.reconstruct.still = false.into();
-    settings.output.kept = Kept::All;
-    settings
-}
-
 fn renderer(scene: &Scene) -> Renderer {
-    let library = ShaderLibrary::embedded();
-    Renderer::new(
-        context(),
-        &library,
-        scene,
-        &settings(),
-        Eyes::Both,
-        [SIZE; 2],
-    )
-    .unwrap()
+    let settings = filtered(Reuse::Off, |s| {
+        s.reconstruct.taa = true.into();
+        s.reconstruct.still = false.into();
+    });
+    support::renderer(scene, &settings, [SIZE; 2])
 }
 
 /// Of an eye before the first surface, `aside` from the axis.
@@ -99,29 +80,8 @@ fn view(aside: DVec3, turned: DQuat) -> View {
     View {
         position_in_world: DVec3::Z * EYE_M + aside,
         orientation: turned,
-        fov: Fov::from_degrees(-20.0, 20.0, 20.0, -20.0),
+        fov: square_fov(20.0),
     }
-}
-
-/// Continuous pixel position of a point.
-fn project(view: &View, point: DVec3) -> [f64; 2] {
-    let p = view.orientation.inverse() * (point - view.position_in_world);
-    let t = view.fov.tangents();
-    let size = f64::from(SIZE);
-    [
-        (-p.x / p.z - t.left) / (t.right - t.left) * size,
-        (t.up + p.y / p.z) / (t.up - t.down) * size,
-    ]
-}
-
-/// Where a record's sample lies in the image, pixels.
-fn sample_at(pixel: usize, record: &[u32; 4]) -> [f64; 2] {
-    let part = |word: u32| f64::from(word as i16) / 32767.0;
-    let [column, row] = [pixel as u32 % SIZE, pixel as u32 / SIZE].map(f64::from);
-    [
-        column + 0.5 + part(record[3]),
-        row + 0.5 + part(record[3] >> 16),
-    ]
 }
 
 /// Distance to what a record's pixel sees.
@@ -167,16 +127,23 @@ fn a_plane_mirror_shows_what_lies_as_far_behind_it_and_moves_as_that_does() {
         let point = ray.origin + ray.direction * expected_m;
         let then = point - mirrored(wall_at(1) - wall_at(0));
         let found = [0, 1].map(|axis| at[axis] + f64::from(moved[axis]));
-        let off = |expected: [f64; 2]| {
+        let off = |expected: Option<[f64; 2]>| {
+            let expected = expected.unwrap();
             let [x, y] = [0, 1].map(|axis| (found[axis] - expected[axis]).abs());
             x.max(y)
         };
         assert_eq!(moved[3], 1.0, "pixel {pixel} has no history");
-        assert!(off(project(&step(0), then)) < 1.0 / 16.0, "pixel {pixel}");
+        assert!(
+            off(project(&step(0), then)) < MOTION_TOLERANCE_PX,
+            "pixel {pixel}"
+        );
         // Comparators that must fail: the mirror's own point, and the image of a wall at rest.
         let on_mirror = ray.origin - ray.direction * (ray.origin.z / ray.direction.z);
         furthest = furthest.max(off(project(&step(0), on_mirror)));
-        assert!(off(project(&step(0), point)) > 1.0 / 16.0, "pixel {pixel}");
+        assert!(
+            off(project(&step(0), point)) > MOTION_TOLERANCE_PX,
+            "pixel {pixel}"
+        );
     }
     assert!(furthest > 1.0, "images move by {furthest} pixels less");
 }
@@ -193,8 +160,8 @@ fn middle_m(first: Material, first_mesh: Mesh, shown_z_m: f64) -> f64 {
     seen_m(&records[middle])
 }
 
-/// A sample within a pixel of the axis looks up to 1.4 pixels of 1.3 degrees off it, where distances are greater by
-/// 1 - cos = 5e-4; the mirror's equation errs by as much, and so do flat triangles, which lie inside the ball.
+/// A sample within a pixel of the axis looks up to 1.4 pixels of 0.6 degrees off it, where distances are greater by
+/// 1 - cos = 1e-4; the mirror's equation errs by as much, and so do flat triangles, which lie inside the ball.
 const OFF_AXIS: f64 = 5e-3;
 
 #[test]
@@ -242,7 +209,7 @@ fn filters_leave_what_a_mirror_shows_dark_beside_what_it_shows_lit() {
     for frame in 0..8 {
         renderer.render_frame(&[still; 2], frame, |_| {}).unwrap();
     }
-    let shown = renderer.read_radiance(Eye::Left).unwrap().unwrap();
+    let shown = radiance(&renderer, Eye::Left);
     let mean = |columns: std::ops::Range<u32>| {
         let lit = |(pixel, _): &(usize, &[f32; 3])| columns.contains(&(*pixel as u32 % SIZE));
         let light: Vec<f32> = shown
@@ -283,7 +250,7 @@ fn bars_thinner_than_a_pixel_keep_their_share_as_the_head_moves() {
         let steps = f64::from(frame) - 0.5 * f64::from(FRAMES);
         let now = view(DVec3::X * (0.1 * pixel_m * steps), DQuat::IDENTITY);
         renderer.render_frame(&[now; 2], frame, |_| {}).unwrap();
-        let shown = renderer.read_radiance(Eye::Left).unwrap().unwrap();
+        let shown = radiance(&renderer, Eye::Left);
         let samples = renderer.read_samples(Eye::Left).unwrap().unwrap();
         let row = (SIZE / 2 * SIZE) as usize..((SIZE / 2 + 1) * SIZE) as usize;
         for (covered, image) in covered.iter_mut().zip([shown, samples]) {

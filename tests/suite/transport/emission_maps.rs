@@ -1,15 +1,14 @@
 //! Photons from triangles with a map of emission (`emission_place` in `shaders/shared/lights.wesl`).
 
 use glam::DVec3;
+use stereolux::frame::MapKind;
+use stereolux::gpu::ShaderLibrary;
+use stereolux::scene::{Image, Material, Scene, Texture, TextureRef};
+use stereolux::settings::Eyes;
 
-use crate::frame::MapKind;
-use crate::gpu::ShaderLibrary;
-use crate::renderer::Renderer;
-use crate::renderer::test_support::{
-    context, direct_from_map, looking_ahead, replaced, scene_of, walls,
-};
-use crate::scene::{Image, Material, Scene, Texture, TextureRef};
-use crate::settings::Eyes;
+use super::hard_support::{add, direct_from_map, glowing, looking_ahead, quad};
+use super::support::{frame, renderer_by};
+use crate::suite::frame::layout::changed;
 
 const PATHS: u32 = 1 << 15;
 const EMISSION: f32 = 3.0;
@@ -18,26 +17,18 @@ const COLUMNS: u32 = 8;
 
 /// A lamp of one square metre, close above a plate that catches all its light but a ten-thousandth.
 fn scene() -> Scene {
-    let square = |half_m: f64, z: f64, y: DVec3, material| {
+    let square = |half_m: f64, z: f64, y: DVec3| {
         let corner = DVec3::new(-half_m, 0.0, z) - half_m * y;
-        walls(
-            &[[corner, 2.0 * half_m * DVec3::X, 2.0 * half_m * y]],
-            material,
-        )
+        quad(corner, 2.0 * half_m * DVec3::X, 2.0 * half_m * y)
     };
-    let mut lamp = square(0.5, 0.0, DVec3::NEG_Y, 1);
-    lamp.uv0 = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-    let meshes = vec![square(5.0, -0.05, DVec3::Y, 0), lamp];
-    let mut shining = Material::lambert("lamp", [0.0; 3]);
-    shining.emission = [EMISSION; 3];
+    let mut shining = glowing([EMISSION; 3]);
     shining.emissive_texture = Some(TextureRef {
         texture: 0,
         uv_set: 0,
         texcoord_from_uv: TextureRef::IDENTITY,
     });
     let texel = |i| if i == 3 { [255; 4] } else { [0, 0, 0, 255] };
-    let materials = vec![Material::lambert("plate", [0.5; 3]), shining];
-    Scene {
+    let mut scene = Scene {
         images: vec![Image {
             name: "map".to_owned(),
             width: COLUMNS,
@@ -45,19 +36,22 @@ fn scene() -> Scene {
             rgba8: (0..COLUMNS).flat_map(texel).collect(),
         }],
         textures: vec![Texture::default()],
-        ..scene_of(materials, meshes)
-    }
+        ..Scene::default()
+    };
+    let plate = Material::lambert("plate", [0.5; 3]);
+    add(&mut scene, &square(5.0, -0.05, DVec3::Y), plate);
+    add(&mut scene, &square(0.5, 0.0, DVec3::NEG_Y), shining);
+    let [a, b, c, d] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    scene.meshes[1].uv0 = vec![a, b, c, a, c, d];
+    scene
 }
 
 /// Power of each photon that lands.
 fn landed(library: &ShaderLibrary) -> Vec<f64> {
     let mut settings = direct_from_map(PATHS);
     settings.photon.edge_correction = false;
-    let (scene, size) = (scene(), [8; 2]);
-    let mut renderer =
-        Renderer::new(context(), library, &scene, &settings, Eyes::Left, size).unwrap();
-    let view = looking_ahead(DVec3::Z, 45.0);
-    renderer.render_frame(&[view; 2], 0, |_| {}).unwrap();
+    let mut renderer = renderer_by(library, &scene(), &settings, Eyes::Left, [8; 2]).unwrap();
+    frame(&mut renderer, &looking_ahead(DVec3::Z, 45.0));
     let photons = renderer.read_photons(MapKind::Photons).unwrap().unwrap();
     photons.iter().map(|p| f64::from(p.flux[0])).collect()
 }
@@ -76,8 +70,7 @@ fn power(landed: &[f64]) -> (f64, f64) {
 
 #[test]
 fn maps_emit_photons_where_they_shine_and_as_much_light() {
-    let library = ShaderLibrary::embedded();
-    let found = landed(&library);
+    let found = landed(&ShaderLibrary::embedded());
     // Of eight places one at least shines: for independent ones 1 - (7 / 8)^8 = 0.66, one place alone 0.125.
     let share = found.len() as f64 / f64::from(PATHS);
     assert!(share > 0.66, "{share} of the paths carry light");
@@ -88,7 +81,7 @@ fn maps_emit_photons_where_they_shine_and_as_much_light() {
     assert!(error < 0.01, "{what}");
     // Photons that carry what their own place shines are too bright.
     let weight = "mean / shines[chosen]";
-    let unweighed = replaced(&library, "shared/lights", weight, "1.0");
+    let unweighed = changed("shared/lights", weight, "1.0");
     let (wrong, error) = power(&landed(&unweighed));
     assert!(wrong - 1.0 > 10.0 * error, "{wrong} +- {error}");
 }

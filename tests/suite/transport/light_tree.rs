@@ -1,17 +1,17 @@
 //! Lights picked for a point by what they may bring there (`shaders/shared/light_tree.wesl`).
 
 use glam::{DAffine3, DVec3};
-
-use crate::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
-use crate::gpu::{
+use stereolux::gpu::buffers::{read_buffer, storage_buffer, storage_buffer_with_data};
+use stereolux::gpu::{
     FrameRecorder, GpuContext, Kernel, PassTimes, ShaderFeatures, ShaderLibrary, Workgroups,
 };
-use crate::renderer::features::shader_features;
-use crate::renderer::instance_table::InstanceId;
-use crate::renderer::scene_buffers::SceneBuffers;
-use crate::renderer::test_support::{context, replaced, walls};
-use crate::scene::{LightKind, Material, Needs, Node, PunctualLight, Scene};
-use crate::settings::RenderSettings;
+use stereolux::renderer::{InstanceId, SceneBuffers, shader_features};
+use stereolux::scene::{LightKind, Needs, Node, PunctualLight, Scene};
+use stereolux::settings::RenderSettings;
+
+use super::hard_support::{glowing, mesh, quad};
+use super::support::context;
+use crate::suite::frame::layout::changed;
 
 const DRAWS: u32 = 1 << 16;
 /// Lamps of two triangles each, which are a group, on a grid; behind them in the order of lights. Then come point lights between them.
@@ -48,10 +48,8 @@ fn lamp_place(lamp: usize) -> DVec3 {
 }
 
 fn scene(has_sun: bool) -> Scene {
-    let mut glowing = Material::lambert("lamp", [0.0; 3]);
-    glowing.emission = [1.0; 3];
     let corner = DVec3::new(-0.03, 0.0, -0.03);
-    let lamp = walls(&[[corner, 0.06 * DVec3::X, 0.06 * DVec3::Z]], 0);
+    let lamp = mesh(&quad(corner, 0.06 * DVec3::X, 0.06 * DVec3::Z), 0);
     let lamps = (0..ROWS * ROWS).map(|lamp| Node {
         mesh: Some(0),
         parent_from_node: at(lamp_place(lamp)),
@@ -75,7 +73,7 @@ fn scene(has_sun: bool) -> Scene {
         });
     }
     Scene {
-        materials: vec![glowing],
+        materials: vec![glowing([1.0; 3])],
         roots: (0..nodes.len()).collect(),
         nodes,
         meshes: vec![lamp],
@@ -247,7 +245,6 @@ fn few_lamps_and_lamps_at_one_place_have_their_chance_beside_the_sun() {
 #[test]
 fn a_pick_that_misjudges_its_probability_is_noticed() {
     let context = context();
-    let library = ShaderLibrary::embedded();
     let scene = scene(true);
     let mut buffers = SceneBuffers::new(&context, &scene, &features_of(&scene)).unwrap();
     let places = [DVec3::ZERO, lamp_place(8) - 0.5 * DVec3::Y];
@@ -262,7 +259,7 @@ fn a_pick_that_misjudges_its_probability_is_noticed() {
             "var probability = 1.0;",
         ),
     ] {
-        let wrong = replaced(&library, "shared/light_tree", right, wrong);
+        let wrong = changed("shared/light_tree", right, wrong);
         let picked = picked(&context, &wrong, &scene, &mut buffers, places);
         assert!(fault(&picked).is_some(), "{right}");
     }

@@ -1,36 +1,49 @@
 //! Blended surfaces over frames (`shaders/shared/alpha.wesl`): a pixel meets them as often as they cover, panes one behind the
 //! other independently; photons light them as lamps do.
 
-use glam::{DAffine3, DVec3};
-use stereolux_report::statistics;
+use glam::DVec3;
+use stereolux::gpu::ShaderLibrary;
+use stereolux::renderer::Eye;
+use stereolux::scene::{AlphaMode, Material, Scene};
+use stereolux::settings::{DirectLight, Eyes, Method, RenderSettings, Reuse};
+use stereolux::xr::View;
 
-use crate::gpu::ShaderLibrary;
-use crate::renderer::test_support::{
-    add_light, context, direct_from_map, looking_ahead, replaced, scene_of, walls,
-};
-use crate::renderer::{Eye, Renderer};
-use crate::scene::{AlphaMode, LightKind, Material, Scene};
-use crate::settings::{DirectLight, Eyes, Method, RenderSettings, Reuse};
-use crate::xr::View;
+use super::hard_support::{add, add_point_light, direct_from_map, glowing, looking_ahead, quad};
+use super::support::{method, radiance, renderer_by, statistics};
+use crate::suite::frame::layout::changed;
 
 const SIZE: u32 = 32;
 const FRAMES: u32 = 16;
 const COVERED: f64 = 0.4;
 
-/// Black panes before a lamp.
-fn scene(panes: u32) -> Scene {
-    let square = |z: f64, material| {
-        let corner = DVec3::new(-9.0, -9.0, z);
-        walls(&[[corner, 18.0 * DVec3::X, 18.0 * DVec3::Y]], material)
-    };
-    let mut lamp = Material::lambert("lamp", [0.0; 3]);
-    lamp.emission = [1.0; 3];
-    let mut pane = Material::lambert("pane", [0.0; 3]);
+/// A material of that colour that covers so much of what lies behind it.
+fn blended(grey: f32) -> Material {
+    let mut pane = Material::lambert("pane", [grey; 3]);
     pane.base_color[3] = COVERED as f32;
     pane.alpha_mode = AlphaMode::Blend;
-    let mut meshes = vec![square(-4.0, 0)];
-    meshes.extend((0..panes).map(|i| square(-1.0 - f64::from(i), 1)));
-    scene_of(vec![lamp, pane], meshes)
+    pane
+}
+
+/// Adds a square at z whose front looks along +Z, or along -Z if it is turned.
+fn add_square(scene: &mut Scene, half_m: f64, z: f64, is_turned: bool, material: Material) {
+    let [across, up] = [2.0 * half_m * DVec3::X, 2.0 * half_m * DVec3::Y];
+    let corner = DVec3::new(-half_m, -half_m, z);
+    let [u, v] = if is_turned {
+        [up, across]
+    } else {
+        [across, up]
+    };
+    add(scene, &quad(corner, u, v), material);
+}
+
+/// Black panes before a lamp.
+fn scene(panes: u32) -> Scene {
+    let mut scene = Scene::default();
+    add_square(&mut scene, 9.0, -4.0, false, glowing([1.0; 3]));
+    for pane in 0..panes {
+        add_square(&mut scene, 9.0, -1.0 - f64::from(pane), false, blended(0.0));
+    }
+    scene
 }
 
 /// One channel of the left eye's picture in each of so many frames.
@@ -38,34 +51,29 @@ fn pictures(
     library: &ShaderLibrary,
     scene: &Scene,
     settings: &RenderSettings,
-    view: &View,
+    views: &[View; 2],
     frames: u32,
 ) -> Vec<Vec<f64>> {
-    let size = [SIZE; 2];
-    let mut renderer =
-        Renderer::new(context(), library, scene, settings, Eyes::Left, size).unwrap();
+    let mut renderer = renderer_by(library, scene, settings, Eyes::Left, [SIZE; 2]).unwrap();
     let of_frame = |frame| {
-        renderer.render_frame(&[*view; 2], frame, |_| {}).unwrap();
-        let picture = renderer.read_radiance(Eye::Left).unwrap().unwrap();
+        renderer.render_frame(views, frame, |_| {}).unwrap();
+        let picture = radiance(&renderer, Eye::Left);
         picture.iter().map(|pixel| f64::from(pixel[0])).collect()
     };
     (0..frames).map(of_frame).collect()
 }
 
-/// Paths of each eye by itself.
-fn paths() -> RenderSettings {
-    RenderSettings {
-        method: Method::Path,
-        reuse: Reuse::Off,
-        ..RenderSettings::default()
-    }
-}
-
 /// In how many of the frames each pixel sees the lamp.
 fn times_seen(library: &ShaderLibrary, panes: u32) -> Vec<f64> {
     // No pixel lies on a diagonal, where both triangles may be met.
-    let view = looking_ahead(DVec3::new(0.013, 0.007, 0.0), 45.0);
-    let pictures = pictures(library, &scene(panes), &paths(), &view, FRAMES);
+    let views = looking_ahead(DVec3::new(0.013, 0.007, 0.0), 45.0);
+    let pictures = pictures(
+        library,
+        &scene(panes),
+        &method(Method::Path, Reuse::Off),
+        &views,
+        FRAMES,
+    );
     (0..pictures[0].len())
         .map(|pixel| pictures.iter().map(|picture| picture[pixel]).sum())
         .collect()
@@ -86,8 +94,7 @@ fn a_pixel_meets_a_pane_as_often_as_it_covers() {
     let off = farthest(&seen, expected);
     assert!(off < 2.5, "{off} frames of {FRAMES}");
     // By chance one pixel in a thousand is off by three deviations, sqrt(16 * 0.4 * 0.6) = 2.0 frames.
-    let chance = replaced(
-        &library,
+    let chance = changed(
         "shared/alpha",
         "* (key & ALPHA_TURNS)",
         "* hash_combine(key, key)",
@@ -117,21 +124,15 @@ fn panes_one_behind_the_other_are_met_independently() {
 
 /// Mean radiance of a lit pane in each of some frames, whose photons differ; with a wall of its colour 2 mm behind it, as decals have.
 fn lit(library: &ShaderLibrary, settings: &RenderSettings, is_decal: bool) -> Vec<f64> {
-    let mut pane = Material::lambert("pane", [0.8; 3]);
-    pane.base_color[3] = COVERED as f32;
-    pane.alpha_mode = AlphaMode::Blend;
-    let square = |z: f64, material| {
-        let corner = DVec3::new(-2.0, -2.0, z);
-        walls(&[[corner, 4.0 * DVec3::X, 4.0 * DVec3::Y]], material)
-    };
-    let mut meshes = vec![square(-3.0, 0)];
-    meshes.extend(is_decal.then(|| square(-3.002, 1)));
-    let materials = vec![pane, Material::lambert("wall", [0.8; 3])];
-    let mut scene = scene_of(materials, meshes);
-    let place = DAffine3::from_translation(DVec3::NEG_Z);
-    add_light(&mut scene, LightKind::Point, 1.0, place);
-    let view = looking_ahead(DVec3::ZERO, 10.0);
-    let pictures = pictures(library, &scene, settings, &view, FRAMES);
+    let mut scene = Scene::default();
+    add_square(&mut scene, 2.0, -3.0, false, blended(0.8));
+    if is_decal {
+        let wall = Material::lambert("wall", [0.8; 3]);
+        add_square(&mut scene, 2.0, -3.002, false, wall);
+    }
+    add_point_light(&mut scene, DVec3::NEG_Z, 1.0);
+    let views = looking_ahead(DVec3::ZERO, 10.0);
+    let pictures = pictures(library, &scene, settings, &views, FRAMES);
     let mean = |picture: &Vec<f64>| picture.iter().sum::<f64>() / picture.len() as f64;
     pictures.iter().map(mean).collect()
 }
@@ -140,15 +141,13 @@ fn lit(library: &ShaderLibrary, settings: &RenderSettings, is_decal: bool) -> Ve
 fn photons_light_a_pane_as_lamps_do() {
     let library = ShaderLibrary::embedded();
     // Once by photons that meet the pane and once by its coverage: light would count by its square.
-    let squared = replaced(
-        &library,
+    let squared = changed(
         "shared/photon_path",
         "flux /= select(1.0, coverage, coverage > 0.0);",
         "",
     );
     // Decal and wall by the photons of both.
-    let doubled = replaced(
-        &library,
+    let doubled = changed(
         "shared/gather_point",
         "photon.is_blended != (*point).is_blended",
         "false",
@@ -163,7 +162,7 @@ fn photons_light_a_pane_as_lamps_do() {
     };
     for (is_decal, wrong) in [(false, squared), (true, doubled)] {
         let by_lamp = lit(&library, &settings(DirectLight::Nee, false), is_decal);
-        let by_lamp = statistics::mean(&by_lamp).unwrap();
+        let (by_lamp, lamp_variance) = statistics(&by_lamp);
         for edge_correction in [true, false] {
             let by_photons = |library| {
                 let found = lit(
@@ -171,13 +170,11 @@ fn photons_light_a_pane_as_lamps_do() {
                     &settings(DirectLight::Map, edge_correction),
                     is_decal,
                 );
-                let found = statistics::mean(&found).unwrap();
-                let [error, lamp_error] = [&found, &by_lamp].map(|of| of.standard_error.unwrap());
+                let (found, variance) = statistics(&found);
                 // Irradiance 1 / d^2 cos^3 is even within a radius to r^2 / d^2 = 0.25 %, and pixels' coverage differs by their
                 // errors.
-                let bound = 4.0 * (error + lamp_error) + 0.0025 * by_lamp.value;
-                let off = (found.value - by_lamp.value).abs();
-                (off <= bound, found.value / by_lamp.value)
+                let bound = 4.0 * (variance.sqrt() + lamp_variance.sqrt()) + 0.0025 * by_lamp;
+                ((found - by_lamp).abs() <= bound, found / by_lamp)
             };
             let (is_right, ratio) = by_photons(&library);
             assert!(is_right, "decal {is_decal}: {ratio}");
@@ -190,37 +187,39 @@ fn photons_light_a_pane_as_lamps_do() {
 /// Between walls that shine alike everything is as bright, whichever of a blended slab's faces a ray meets.
 #[test]
 fn blended_glass_keeps_the_light_of_a_furnace() {
-    let face = |z: f64, turned: bool, material| {
-        let [across, up] = [18.0 * DVec3::X, 18.0 * DVec3::Y];
-        let corner = DVec3::new(-9.0, -9.0, z);
-        let sides = if turned { [up, across] } else { [across, up] };
-        walls(&[[corner, sides[0], sides[1]]], material)
+    let glass = Material {
+        transmission: 1.0,
+        ior: 1.5,
+        roughness: 0.0,
+        ..blended(1.0)
     };
-    let mut lamp = Material::lambert("lamp", [0.0; 3]);
-    lamp.emission = [1.0; 3];
-    let mut glass = Material::lambert("glass", [1.0; 3]);
-    glass.base_color[3] = COVERED as f32;
-    glass.alpha_mode = AlphaMode::Blend;
-    glass.transmission = 1.0;
-    glass.ior = 1.5;
-    glass.roughness = 0.0;
-    let meshes = vec![
-        face(-4.0, false, 0),
-        face(4.0, true, 0),
-        face(-1.0, false, 1),
-        face(-1.5, true, 1),
-    ];
-    let scene = scene_of(vec![lamp, glass], meshes);
+    let mut scene = Scene::default();
+    for (z, is_turned, material) in [
+        (-4.0, false, &glowing([1.0; 3])),
+        (4.0, true, &glowing([1.0; 3])),
+        (-1.0, false, &glass),
+        (-1.5, true, &glass),
+    ] {
+        add_square(&mut scene, 9.0, z, is_turned, material.clone());
+    }
     let library = ShaderLibrary::embedded();
-    let wrong = replaced(
-        &library,
+    let wrong = changed(
         "shared/surface",
         "select(bsdf.transmission_scale, 1.0, is_blended)",
         "bsdf.transmission_scale",
     );
     let farthest_off = |library| {
-        let view = looking_ahead(DVec3::new(0.013, 0.007, 0.0), 20.0);
-        farthest(&pictures(library, &scene, &paths(), &view, 1)[0], 1.0)
+        let views = looking_ahead(DVec3::new(0.013, 0.007, 0.0), 20.0);
+        farthest(
+            &pictures(
+                library,
+                &scene,
+                &method(Method::Path, Reuse::Off),
+                &views,
+                1,
+            )[0],
+            1.0,
+        )
     };
     // Whole paths weigh 1 but for rounding: a few steps of f32 per segment.
     let off = farthest_off(&library);

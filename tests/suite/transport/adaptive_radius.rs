@@ -2,18 +2,19 @@
 //! of a mirror as a caustic.
 
 use std::f64::consts::PI;
+use std::iter::once;
 
 use glam::{DAffine3, DQuat, DVec3};
+use stereolux::frame::MapKind;
+use stereolux::gpu::ShaderLibrary;
+use stereolux::renderer::{Eye, FrameResult, Renderer};
+use stereolux::scene::{Material, Scene};
+use stereolux::settings::{Eyes, Force, RenderSettings};
+use stereolux::xr::View;
 
-use crate::frame::MapKind;
-use crate::gpu::{GpuContext, ShaderLibrary};
-use crate::renderer::test_support::{
-    add_light, context, direct_from_map, looking_ahead, replaced, scene_of, walls,
-};
-use crate::renderer::{Eye, FrameResult, Renderer};
-use crate::scene::{LightKind, Material, Scene};
-use crate::settings::{Eyes, Force, RenderSettings};
-use crate::xr::View;
+use super::hard_support::{add, add_sun, direct_from_map, looking_ahead, quad};
+use super::support::{self, placed, radiance, renderer_by};
+use crate::suite::frame::layout::changed;
 
 const PATHS: u32 = 1 << 19;
 const SEEDS: u32 = 4;
@@ -44,24 +45,25 @@ fn scene(sun: Sun, sheets: u32) -> Scene {
         let beside = corner + (1.1 + 0.001 * f64::from(i)) * x;
         [beside, 2.0 * DVec3::Z, y]
     });
-    let rectangles: Vec<_> = [[corner, x, y]].into_iter().chain(sheets).collect();
-    let mut meshes = vec![walls(&rectangles, 0)];
-    let mut materials = vec![Material::lambert("grey", [ALBEDO; 3])];
-    let mut sunlight = DAffine3::IDENTITY;
+    let rectangles = once([corner, x, y]).chain(sheets);
+    let all = rectangles.flat_map(|[corner, u, v]| quad(corner, u, v));
+    let mut scene = Scene::default();
+    let grey = Material::lambert("grey", [ALBEDO; 3]);
+    add(&mut scene, &all.collect::<Vec<_>>(), grey);
+    let mut to_sun = DVec3::Z;
     if sun == Sun::Mirrored {
         // Light from below is turned ahead; it grazes plate and sheets on its way up.
         let corner = DVec3::new(-0.55, -0.55, 1.15);
-        let mirror = [corner, 1.1 * DVec3::X, 1.1 * (DVec3::Y - DVec3::Z)];
-        meshes.push(walls(&[mirror], 1));
-        materials.push(Material {
+        let square = quad(corner, 1.1 * DVec3::X, 1.1 * (DVec3::Y - DVec3::Z));
+        let mirror = Material {
             metallic: 1.0,
             roughness: 0.0,
             ..Material::default()
-        });
-        sunlight = DAffine3::from_rotation_x(0.5 * PI);
+        };
+        add(&mut scene, &square, mirror);
+        to_sun = DVec3::NEG_Y;
     }
-    let mut scene = scene_of(materials, meshes);
-    add_light(&mut scene, LightKind::Directional, IRRADIANCE, sunlight);
+    add_sun(&mut scene, to_sun, IRRADIANCE);
     scene
 }
 
@@ -75,21 +77,19 @@ struct Found {
 
 /// The left eye's frame, a square of `pixels`, and its renderer.
 fn frame(
-    context: &GpuContext,
     library: &ShaderLibrary,
     scene: &Scene,
     settings: &RenderSettings,
-    view: &View,
+    views: &[View; 2],
     pixels: u32,
 ) -> (Renderer, FrameResult) {
-    let (context, size) = (context.clone(), [pixels; 2]);
-    let renderer = Renderer::new(context, library, scene, settings, Eyes::Left, size);
+    let renderer = renderer_by(library, scene, settings, Eyes::Left, [pixels; 2]);
     let mut renderer = renderer.unwrap();
-    let result = renderer.render_frame(&[*view; 2], 0, |_| {}).unwrap();
+    let result = support::frame(&mut renderer, views);
     (renderer, result)
 }
 
-fn found(context: &GpuContext, sun: Sun, adaptive: bool, corrected: bool) -> Found {
+fn found(sun: Sun, adaptive: bool, corrected: bool) -> Found {
     let mut settings = direct_from_map(PATHS);
     // Eye, plate, perhaps mirror, sun.
     settings.photon.max_depth = if sun == Sun::Mirrored { 3 } else { 2 };
@@ -102,7 +102,7 @@ fn found(context: &GpuContext, sun: Sun, adaptive: bool, corrected: bool) -> Fou
     let sheets = if sun == Sun::Mirrored { 400 } else { 200 };
     let (scene, library) = (scene(sun, sheets), ShaderLibrary::embedded());
     let half = (0.5 * SIDE_M / DISTANCE_M).atan().to_degrees();
-    let view = looking_ahead(DVec3::ZERO, half);
+    let views = looking_ahead(DVec3::ZERO, half);
     let mut found = Found {
         picture: vec![0.0; SIZE * SIZE],
         photons_per_m2: 0.0,
@@ -111,8 +111,8 @@ fn found(context: &GpuContext, sun: Sun, adaptive: bool, corrected: bool) -> Fou
     let of_the_sun = PI / f64::from(ALBEDO * IRRADIANCE * SEEDS as f32);
     for seed in 0..SEEDS {
         settings.seed = seed;
-        let (renderer, result) = frame(context, &library, &scene, &settings, &view, SIZE as u32);
-        let picture = renderer.read_radiance(Eye::Left).unwrap().unwrap();
+        let (renderer, result) = frame(&library, &scene, &settings, &views, SIZE as u32);
+        let picture = radiance(&renderer, Eye::Left);
         for (sum, pixel) in found.picture.iter_mut().zip(&picture) {
             *sum += of_the_sun * f64::from(pixel[0]);
         }
@@ -147,8 +147,7 @@ fn a_disc_of_caustics_holds_as_many_photons_as_it_may_and_even_light_stays_as_br
 }
 
 fn check_discs(sun: Sun) {
-    let context = context();
-    let found = [false, true].map(|adaptive| found(&context, sun, adaptive, false));
+    let found = [false, true].map(|adaptive| found(sun, adaptive, false));
     let pixel_m = SIDE_M / SIZE as f64;
     let mut apart = 0;
     for column in 0..SIZE / 2 {
@@ -194,9 +193,8 @@ fn check_discs(sun: Sun) {
 
 #[test]
 fn a_smaller_disc_needs_less_of_the_correction_at_edges() {
-    let context = context();
     let [lost, kept] = [false, true].map(|corrected| {
-        let found = found(&context, Sun::Straight, true, corrected);
+        let found = found(Sun::Straight, true, corrected);
         let sum: f64 = found.picture.iter().sum();
         (sum / found.picture.len() as f64, found)
     });
@@ -217,16 +215,15 @@ fn a_smaller_disc_needs_less_of_the_correction_at_edges() {
 
 /// Photons that discs in the plate's middle hold over those that they may, and by how many times their own photons those of other
 /// rows' at the same places are expected around them. The plate lies across the grid's rows, of which each holds one cell of it.
-fn held(context: &GpuContext, library: &ShaderLibrary, cells: [u32; 4]) -> (f64, f64) {
+fn held(library: &ShaderLibrary, cells: [u32; 4]) -> (f64, f64) {
     const PIXELS: u32 = 32;
     let turn = DAffine3::from_rotation_y(0.5 * PI);
-    let mut scene = scene(Sun::Straight, 10);
-    for node in &mut scene.nodes {
-        node.parent_from_node = turn * node.parent_from_node;
-    }
+    let scene = placed(scene(Sun::Straight, 10), turn);
     let quarter = (0.25 * SIDE_M / DISTANCE_M).atan().to_degrees();
-    let mut view = looking_ahead(DVec3::ZERO, quarter);
-    view.orientation = DQuat::from_rotation_y(0.5 * PI);
+    let mut views = looking_ahead(DVec3::ZERO, quarter);
+    for view in &mut views {
+        view.orientation = DQuat::from_rotation_y(0.5 * PI);
+    }
     let (mut share, mut strangers) = (0.0, 0.0);
     // Other numbers of places, other places for rows.
     for (seed, cells) in (0..).zip(cells) {
@@ -235,7 +232,7 @@ fn held(context: &GpuContext, library: &ShaderLibrary, cells: [u32; 4]) -> (f64,
         settings.force.guided_photons = Force::Off;
         settings.photon.grid_cells_max = cells;
         settings.output.work = true;
-        let (renderer, result) = frame(context, library, &scene, &settings, &view, PIXELS);
+        let (renderer, result) = frame(library, &scene, &settings, &views, PIXELS);
         let gathers = result
             .work
             .iter()
@@ -258,17 +255,16 @@ fn held(context: &GpuContext, library: &ShaderLibrary, cells: [u32; 4]) -> (f64,
 
 #[test]
 fn a_disc_holds_as_many_photons_where_rows_share_places() {
-    let context = context();
     let library = ShaderLibrary::embedded();
     // Discs of 250 of the 100,000 photons there, whose density is that of the box's 1,200: one part in a thousand too many by
     // the spread of that, and half a percent by that of all.
-    let (dense, none) = held(&context, &library, [1 << 16; 4]);
+    let (dense, none) = held(&library, [1 << 16; 4]);
     assert!((dense - 1.0).abs() < 0.02 && none == 0.0, "{dense}");
     // Which rows share places is left to chance: what is found around a disc is h times what is there, of mean 1 when the
     // expected s of strangers are taken away; h is 1 - s or more. Of a variance v that makes discs hold the mean of 1 / h,
     // which is 1 + (h - 1)^2 / h: between 1 and 1 + v / (1 - s).
     let cells = [4500, 4400, 4300, 4200];
-    let (found, strangers) = held(&context, &library, cells);
+    let (found, strangers) = held(&library, cells);
     // Each of nine rows meets a Poisson number of strange cells, of mean s. Rows count by products of p, 1 and 1 - p, whose squares
     // are (5 / 3)^2 together, of four.
     let variance = 25.0 / 9.0 * strangers / 16.0;
@@ -283,8 +279,8 @@ fn a_disc_holds_as_many_photons_where_rows_share_places() {
         "{found}"
     );
     // Negative control: with the strangers there.
-    let wrong = replaced(&library, "shared/gather", "found -= 4.0", "found -= 0.0");
-    let (uncorrected, _) = held(&context, &wrong, cells);
+    let wrong = changed("shared/gather", "found -= 4.0", "found -= 0.0");
+    let (uncorrected, _) = held(&wrong, cells);
     println!("{uncorrected} with the strangers");
     assert!(uncorrected < 1.0 - 2.0 * tolerance, "{uncorrected}");
 }
