@@ -12,7 +12,9 @@ use egui::epaint::{ClippedPrimitive, Primitive, textures::TextureFilter, texture
 
 use crate::gpu::kernel::layouts;
 use crate::gpu::raster::{bind_group, from_black, stages, texture_type};
-use crate::gpu::{GpuContext, GpuError, GrowingBuffer, ShaderFeatures, ShaderLibrary};
+use crate::gpu::{
+    CompiledShader, GpuContext, GpuError, GrowingBuffer, ShaderFeatures, ShaderLibrary,
+};
 
 const LABEL: &str = "window";
 
@@ -63,15 +65,13 @@ impl Painter {
         let shader = ShaderLibrary::embedded().compile("viewer/painter", &features)?;
         gpu.guarded(LABEL, || {
             let device = &gpu.device;
-            let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
-                binding,
-                visibility: wgpu::ShaderStages::FRAGMENT,
-                ty,
-                count: None,
-            };
+            use wgpu::ShaderStages as S;
             let filter = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
-            let entries = [entry(0, texture_type(true)), entry(1, filter)];
-            let (layout, pipeline_layout) = layouts(device, LABEL, &entries);
+            let bindings = [
+                (0, S::FRAGMENT, texture_type(true)),
+                (1, S::FRAGMENT, filter),
+            ];
+            let (layout, pipeline_layout) = layouts(device, LABEL, bindings);
             Ok(Self {
                 textures: egui_wgpu::Renderer::new(
                     device,
@@ -79,7 +79,7 @@ impl Painter {
                     egui_wgpu::RendererOptions::default(),
                 ),
                 groups: HashMap::new(),
-                pipeline: pipeline(device, &pipeline_layout, &shader.wgsl, format),
+                pipeline: pipeline(device, &pipeline_layout, &shader, format),
                 layout,
                 nearest: sampler(device, wgpu::FilterMode::Nearest),
                 linear: sampler(device, wgpu::FilterMode::Linear),
@@ -223,13 +223,10 @@ pub fn sampler(device: &wgpu::Device, filter: wgpu::FilterMode) -> wgpu::Sampler
 fn pipeline(
     device: &wgpu::Device,
     layout: &wgpu::PipelineLayout,
-    wgsl: &str,
+    shader: &CompiledShader,
     format: wgpu::TextureFormat,
 ) -> wgpu::RenderPipeline {
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(LABEL),
-        source: wgpu::ShaderSource::Wgsl(wgsl.into()),
-    });
+    let module = device.create_shader_module(shader.descriptor(LABEL));
     let corners = [Some(wgpu::VertexBufferLayout {
         array_stride: size_of::<Corner>() as u64,
         step_mode: wgpu::VertexStepMode::Vertex,

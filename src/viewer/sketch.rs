@@ -150,29 +150,20 @@ impl Sketcher {
         gpu.guarded(LABEL, || {
             let device = &gpu.device;
             use wgpu::ShaderStages as S;
-            let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry {
-                binding,
-                visibility,
-                ty,
-                count: None,
-            };
             let draw = wgpu::BindingType::Buffer {
                 ty: wgpu::BufferBindingType::Uniform,
                 has_dynamic_offset: true,
                 min_binding_size: wgpu::BufferSize::new(size_of::<Draw>() as u64),
             };
             let filter = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
-            let entries = [
-                entry(0, S::VERTEX_FRAGMENT, draw),
-                entry(1, S::FRAGMENT, texture_type(true)),
-                entry(2, S::FRAGMENT, texture_type(false)),
-                entry(3, S::FRAGMENT, filter),
+            let bindings = [
+                (0, S::VERTEX_FRAGMENT, draw),
+                (1, S::FRAGMENT, texture_type(true)),
+                (2, S::FRAGMENT, texture_type(false)),
+                (3, S::FRAGMENT, filter),
             ];
-            let (layout, pipeline_layout) = layouts(device, LABEL, &entries);
-            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(LABEL),
-                source: wgpu::ShaderSource::Wgsl(compiled.wgsl.as_str().into()),
-            });
+            let (layout, pipeline_layout) = layouts(device, LABEL, bindings);
+            let module = device.create_shader_module(compiled.descriptor(LABEL));
             let pipeline = |name, depth| pipeline(device, &pipeline_layout, &module, name, depth);
             Ok(Self {
                 surface: pipeline("surface", Some(true)),

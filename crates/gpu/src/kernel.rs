@@ -174,15 +174,24 @@ fn binding_type(binding: &Binding) -> wgpu::BindingType {
     }
 }
 
-/// Layouts of a group of bindings, and of pipelines that have it alone.
+/// Layouts of a group of bindings, each a slot, the stages that see it and what it is, and of pipelines that have it alone.
 pub fn layouts(
     device: &wgpu::Device,
     label: &str,
-    entries: &[wgpu::BindGroupLayoutEntry],
+    bindings: impl IntoIterator<Item = (u32, wgpu::ShaderStages, wgpu::BindingType)>,
 ) -> (wgpu::BindGroupLayout, wgpu::PipelineLayout) {
     let label = Some(label);
-    let group =
-        device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries });
+    let entry = |(binding, visibility, ty)| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility,
+        ty,
+        count: None,
+    };
+    let entries: Vec<_> = bindings.into_iter().map(entry).collect();
+    let group = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label,
+        entries: &entries,
+    });
     let pipeline = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label,
         bind_group_layouts: &[Some(&group)],
@@ -199,14 +208,10 @@ impl Interface {
         bindings: Vec<Binding>,
         visibility: wgpu::ShaderStages,
     ) -> (Self, wgpu::PipelineLayout) {
-        let entry = |binding: &Binding| wgpu::BindGroupLayoutEntry {
-            binding: binding.slot,
-            visibility,
-            ty: binding_type(binding),
-            count: None,
-        };
-        let entries: Vec<_> = bindings.iter().map(entry).collect();
-        let (layout, pipeline_layout) = layouts(&context.device, pass, &entries);
+        let entries = bindings
+            .iter()
+            .map(|binding| (binding.slot, visibility, binding_type(binding)));
+        let (layout, pipeline_layout) = layouts(&context.device, pass, entries);
         let interface = Self {
             name: pass.to_owned(),
             bindings,
@@ -319,10 +324,7 @@ impl Kernel {
             let module = if shader.is_embedded {
                 module_of_embedded(context, pass, shader, bindings)?
             } else {
-                device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                    label: Some(pass),
-                    source: wgpu::ShaderSource::Wgsl(shader.wgsl.as_str().into()),
-                })
+                device.create_shader_module(shader.descriptor(pass))
             };
             let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(pass),

@@ -116,10 +116,7 @@ impl Raster {
             let device = &context.device;
             let (interface, pipeline_layout) =
                 Interface::new(context, name, bindings, wgpu::ShaderStages::FRAGMENT);
-            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(name),
-                source: wgpu::ShaderSource::Wgsl(shader.wgsl.as_str().into()),
-            });
+            let module = device.create_shader_module(shader.descriptor(name));
             let is_depth = format.is_depth_stencil_format();
             let color = [Some(wgpu::ColorTargetState::from(format))];
             let targets: &[_] = if is_depth { &[] } else { &color };

@@ -251,6 +251,14 @@ impl Resolver for Modules<'_> {
 }
 
 impl CompiledShader {
+    /// For a device that is to read the text.
+    pub fn descriptor<'a>(&'a self, label: &'a str) -> wgpu::ShaderModuleDescriptor<'a> {
+        wgpu::ShaderModuleDescriptor {
+            label: Some(label),
+            source: wgpu::ShaderSource::Wgsl(self.wgsl.as_str().into()),
+        }
+    }
+
     /// Runs naga's validator, for tests and for reloading: the driver is not needed.
     ///
     /// # Errors

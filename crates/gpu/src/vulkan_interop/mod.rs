@@ -103,10 +103,6 @@ pub(crate) fn module_of_embedded(
         // Loops end as said below; private arrays are stacks and heaps, of which nothing is read that was not put there.
         return Ok(unsafe { device.create_shader_module_passthrough(descriptor) });
     }
-    let descriptor = wgpu::ShaderModuleDescriptor {
-        label: Some(pass),
-        source: wgpu::ShaderSource::Wgsl(shader.wgsl.as_str().into()),
-    };
     let checks = wgpu::ShaderRuntimeChecks {
         force_loop_bounding: false,
         ..wgpu::ShaderRuntimeChecks::checked()
@@ -114,7 +110,7 @@ pub(crate) fn module_of_embedded(
     // SAFETY: what is asked for is that all loops end. Those of embedded shaders count up to a bound that does not change
     // meanwhile, but for these: rays and refits follow hierarchies, whose builders make trees; the kd-tree's walk goes round
     // a tree of numbers (Wald 2022); paths and batches of photons end at a depth or at the list's end.
-    Ok(unsafe { device.create_shader_module_trusted(descriptor, checks) })
+    Ok(unsafe { device.create_shader_module_trusted(shader.descriptor(pass), checks) })
 }
 
 /// A driver's store of compiled pipelines, holding what `known` does, on a device with [`wgpu::Features::PIPELINE_CACHE`].
