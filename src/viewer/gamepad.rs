@@ -41,45 +41,26 @@ pub struct Gamepad(Option<gilrs::Gilrs>);
 impl Gamepad {
     /// Begins to listen; says why if that is not possible.
     pub fn open() -> Self {
-        match gilrs::Gilrs::new() {
-            Ok(pads) => Self(Some(pads)),
-            Err(error) => {
-                log::warn!("gamepads cannot be read: {error}");
-                Self(None)
-            }
-        }
+        let pads = gilrs::Gilrs::new();
+        let pads = pads.inspect_err(|error| log::warn!("gamepads cannot be read: {error}"));
+        Self(pads.ok())
     }
 
-    /// Whether a pad is connected.
-    pub fn is_present(&self) -> bool {
-        self.0
-            .as_ref()
-            .is_some_and(|pads| pads.gamepads().next().is_some())
-    }
-
-    /// What the first pad asks for: movement, and mouse travel per second.
-    pub fn poll(&mut self) -> (Thrust, [f64; 2]) {
+    /// What the first pad asks for, if one is connected: movement, and mouse travel per second.
+    pub fn poll(&mut self) -> Option<(Thrust, [f64; 2])> {
         use gilrs::{Axis, Button};
-        let Some(pads) = &mut self.0 else {
-            return Default::default();
-        };
+        let pads = self.0.as_mut()?;
         while pads.next_event().is_some() {}
-        let Some((_, pad)) = pads.gamepads().next() else {
-            return Default::default();
-        };
+        let (_, pad) = pads.gamepads().next()?;
         let axis = |axis| f64::from(pad.value(axis));
         let trigger = |button| {
             pad.button_data(button)
                 .map_or(0.0, |data| f64::from(data.value()))
         };
-        movement(
-            [axis(Axis::LeftStickX), axis(Axis::LeftStickY)],
-            [axis(Axis::RightStickX), axis(Axis::RightStickY)],
-            [
-                trigger(Button::LeftTrigger2),
-                trigger(Button::RightTrigger2),
-            ],
-        )
+        let left = [axis(Axis::LeftStickX), axis(Axis::LeftStickY)];
+        let right = [axis(Axis::RightStickX), axis(Axis::RightStickY)];
+        let triggers = [Button::LeftTrigger2, Button::RightTrigger2].map(trigger);
+        Some(movement(left, right, triggers))
     }
 }
 
@@ -94,14 +75,9 @@ impl Gamepad {
         Self
     }
 
-    /// Never.
-    pub fn is_present(&self) -> bool {
-        false
-    }
-
     /// Nothing.
-    pub fn poll(&mut self) -> (Thrust, [f64; 2]) {
-        Default::default()
+    pub fn poll(&mut self) -> Option<(Thrust, [f64; 2])> {
+        None
     }
 }
 

@@ -44,7 +44,8 @@ impl App {
         } else {
             Thrust::default()
         };
-        let (stick, look) = self.gamepad.poll();
+        let pad = self.gamepad.poll();
+        let (stick, look) = pad.unwrap_or_default();
         thrust.right += stick.right;
         thrust.up += stick.up;
         thrust.ahead += stick.ahead;
@@ -53,7 +54,7 @@ impl App {
             self.camera.look(look.map(|rate| rate * seconds));
             self.camera.advance(thrust, seconds);
             context.request_repaint();
-        } else if self.gamepad.is_present() {
+        } else if pad.is_some() {
             context.request_repaint_after(std::time::Duration::from_millis(30));
         }
         if let Some(player) = &mut self.player {
