@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Bounds, Scene, as_dvec3};
+use super::{Bounds, Node, Scene, as_dvec3};
 
 impl Scene {
     /// Whether the scene holds a node: not after it or what it hangs on was deleted.
@@ -35,17 +35,21 @@ impl Scene {
 
     /// Which nodes are `node` or hang below it, by index.
     pub fn subtree(&self, node: usize) -> Vec<bool> {
-        let mut inside = vec![false; self.nodes.len()];
-        let mut pending = vec![node];
-        while let Some(next) = pending.pop() {
-            if let Some(mark) = inside.get_mut(next)
-                && !std::mem::replace(mark, true)
-            {
-                pending.extend(&self.nodes[next].children);
-            }
-        }
-        inside
+        reached_from(&self.nodes, vec![node])
     }
+}
+
+/// Which nodes are those of `pending`, or below one of them.
+pub fn reached_from(nodes: &[Node], mut pending: Vec<usize>) -> Vec<bool> {
+    let mut reached = vec![false; nodes.len()];
+    while let Some(next) = pending.pop() {
+        if let Some(mark) = reached.get_mut(next)
+            && !std::mem::replace(mark, true)
+        {
+            pending.extend(&nodes[next].children);
+        }
+    }
+    reached
 }
 
 #[cfg(test)]

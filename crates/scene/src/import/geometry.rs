@@ -9,11 +9,11 @@ use gltf::json::mesh::{Mode, Semantic};
 use gltf::json::validation::Checked;
 
 use super::super::{Mesh, MeshTriangle, MorphTarget, SceneError, VertexJoints, as_dvec3};
-use super::Notes;
 use super::accessors::Reader;
 use super::extensions;
 use super::materials::Library;
 use super::tangents;
+use super::{Notes, named};
 use stereolux_base::limits::{Held, product};
 
 /// Most vertices, and most triangles, over all meshes: more than any supported adapter can bind.
@@ -40,10 +40,7 @@ pub fn import_meshes(
     let mut meshes = Vec::with_capacity(document.root.meshes.len());
     let mut total = [0; 2];
     for (mesh_index, source) in document.root.meshes.iter().enumerate() {
-        let name = source
-            .name
-            .clone()
-            .unwrap_or_else(|| format!("mesh {mesh_index}"));
+        let name = named(&source.name, "mesh", mesh_index);
         // Of all primitives, also of those that are left out.
         let targets = source
             .primitives

@@ -11,8 +11,8 @@ use serde_json::Value;
 use super::super::material::{AlphaMode, Filter, Material, Texture, TextureRef, Wrap};
 use super::super::mesh::Mesh;
 use super::super::{SceneError, panes};
-use super::Notes;
 use super::document::Document;
+use super::{Notes, named};
 
 /// Materials in file order, with the textures and images that they really use.
 #[derive(Default)]
@@ -32,10 +32,7 @@ impl Library {
     pub fn import(document: &Document<'_>, notes: &mut Notes) -> Result<Self, SceneError> {
         let mut library = Self::default();
         for (index, source) in document.root.materials.iter().enumerate() {
-            let name = source
-                .name
-                .clone()
-                .unwrap_or_else(|| format!("material {index}"));
+            let name = named(&source.name, "material", index);
             let mut slot = MaterialImport {
                 document,
                 library: &mut library,

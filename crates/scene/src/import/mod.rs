@@ -81,6 +81,11 @@ impl Notes {
     }
 }
 
+/// What the file calls something, or else its kind and number.
+fn named(name: &Option<String>, kind: &str, index: usize) -> String {
+    name.clone().unwrap_or_else(|| format!("{kind} {index}"))
+}
+
 /// See [`Scene::from_bytes`].
 pub(super) fn from_bytes(
     path: &Path,

@@ -5,9 +5,10 @@ use gltf::json;
 use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type as LightType};
 use gltf::json::validation::Checked;
 
+use super::super::subtree::reached_from;
 use super::super::{Camera, LightKind, Mesh, Node, PunctualLight, Scene, SceneError, Trs};
-use super::Notes;
 use super::document::Document;
+use super::{Notes, named};
 use stereolux_base::limits::product;
 
 /// What the tree yields.
@@ -54,10 +55,7 @@ pub fn import(
     )?;
     let mut nodes = Vec::with_capacity(count);
     for (index, source) in document.root.nodes.iter().enumerate() {
-        let name = source
-            .name
-            .clone()
-            .unwrap_or_else(|| format!("node {index}"));
+        let name = named(&source.name, "node", index);
         let light = source
             .extensions
             .as_ref()
@@ -175,17 +173,6 @@ fn link_parents(document: &Document<'_>, nodes: &mut [Node]) -> Result<(), Scene
             label(nodes, index)
         ))),
     }
-}
-
-/// Which nodes are those of `pending`, or below one of them.
-fn reached_from(nodes: &[Node], mut pending: Vec<usize>) -> Vec<bool> {
-    let mut reached = vec![false; nodes.len()];
-    while let Some(index) = pending.pop() {
-        if !std::mem::replace(&mut reached[index], true) {
-            pending.extend(&nodes[index].children);
-        }
-    }
-    reached
 }
 
 fn scene_roots(
@@ -350,10 +337,7 @@ fn is_flat(affine: &DAffine3) -> bool {
 }
 
 fn import_camera(index: usize, camera: &json::Camera, notes: &mut Notes) -> Camera {
-    let name = camera
-        .name
-        .clone()
-        .unwrap_or_else(|| format!("camera {index}"));
+    let name = named(&camera.name, "camera", index);
     let yfov = camera.perspective.as_ref().map(|lens| lens.yfov);
     let is_usable = |yfov: &f32| *yfov > 0.0 && *yfov < std::f32::consts::PI;
     if let Some(yfov) = yfov.filter(|yfov| !is_usable(yfov)) {
@@ -441,10 +425,7 @@ fn import_light(
     index: usize,
     light: &Light,
 ) -> Result<PunctualLight, SceneError> {
-    let name = light
-        .name
-        .clone()
-        .unwrap_or_else(|| format!("light {index}"));
+    let name = named(&light.name, "light", index);
     let fault = |what: &str| document.fault(format!("lights[{index}] '{name}': {what}"));
     let mut intensity = light.color.map(|channel| channel * light.intensity);
     if intensity.iter().any(|channel| !channel.is_finite()) {
