@@ -15,6 +15,12 @@ use crate::scene::builtin;
 use crate::settings::Settings;
 
 impl App {
+    /// Metres per unit of scenes that this window has not saved: its settings', unless they are still those of one that it has.
+    fn scale_of_others(&self, settings: &Settings) -> f64 {
+        let kept = self.other_scale.filter(|_| settings.scene_scale == 1.0);
+        kept.unwrap_or(settings.scene_scale)
+    }
+
     pub(super) fn take_loaded(&mut self, context: &Context) {
         let Some(loading) = &self.loading else {
             return;
@@ -51,7 +57,7 @@ impl App {
                 self.fields = Fields::new(&self.out, self.document.original());
                 let mut settings = (*self.settings).clone();
                 settings.scene.clone_from(&name);
-                let scale = self.other_scale.unwrap_or(settings.scene_scale);
+                let scale = self.scale_of_others(&settings);
                 self.other_scale = self.has_written(Path::new(&name)).then_some(scale);
                 settings.scene_scale = loaded.settings.scene_scale;
                 settings.environment = environment;
@@ -162,8 +168,8 @@ impl App {
         // What this window has saved is as large as it was shown.
         if self.has_written(Path::new(&spec)) {
             settings.scene_scale = 1.0;
-        } else if let Some(scale) = self.other_scale {
-            settings.scene_scale = scale;
+        } else {
+            settings.scene_scale = self.scale_of_others(&settings);
         }
         // A second file takes the place of one that is still being read.
         match Loading::begin(

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use egui::Context;
 
 use super::app::App;
+use super::fields::Fields;
 use super::question::Question;
 use super::worker::decided;
 use crate::files::Stamp;
@@ -91,25 +92,33 @@ impl App {
         }
     }
 
-    /// Writes edits that would end with the window to where they would be saved, or beside it where a file stands: its path,
-    /// if there was anything to keep.
+    /// Writes edits that would end with the window to where they would be saved, or beside it where a file stands; to where they
+    /// are saved of themselves if that cannot be: its path, if there was anything to keep.
     ///
     /// # Errors
-    /// What stands in the way.
+    /// What stands in the way of the first.
     pub fn rescue(&mut self) -> Option<Result<PathBuf, String>> {
         self.take_name();
         if !self.document.is_modified() {
             return None;
         }
         // Whatever is being written in the field.
-        let wanted = Path::new(self.fields.path_of(Saved::Scene).trim()).with_extension("glb");
+        let wanted = self.fields.path_of(Saved::Scene).trim().to_owned();
+        let mut fields = Fields::new(&self.out, self.document.original());
+        let of_itself = fields.path_of(Saved::Scene);
+        let written = self.rescue_to(Path::new(&wanted));
+        Some(written.or_else(|error| self.rescue_to(Path::new(of_itself)).map_err(|_| error)))
+    }
+
+    fn rescue_to(&mut self, wanted: &Path) -> Result<PathBuf, String> {
+        let wanted = wanted.with_extension("glb");
         self.make_room(&wanted);
         let stem = wanted.file_stem().unwrap_or_default().to_string_lossy();
         let beside = (2_u32..).map(|n| wanted.with_file_name(format!("{stem}_{n}.glb")));
         let mut paths = iter::once(wanted.clone()).chain(beside);
-        let path = paths.find(|path| !path.exists())?;
+        let path = paths.find(|path| !path.exists()).unwrap_or(wanted);
         let written = self.document.save(&path);
-        Some(written.map(|()| path).map_err(|error| error.to_string()))
+        written.map(|()| path).map_err(|error| error.to_string())
     }
 
     /// Makes the folder of `--out` if that is where `path` lies. Other folders that are missing are slips of the hand, and

@@ -55,7 +55,7 @@ impl<'a> Encoded<'a> {
         }
         // The decoder fills up what is missing with grey.
         if format == ImageFormat::Jpeg && !jpeg_ends(bytes) {
-            return Err("cannot be decoded: the file ends before the picture".to_owned());
+            return Err("cannot be decoded: the file has no end marker: it was cut off".to_owned());
         }
         let decoded_bytes = decoder.total_bytes();
         // JPEG: coefficients of progressive files, 16 bits each, and a copy of the picture. EXR: a copy, and blocks.

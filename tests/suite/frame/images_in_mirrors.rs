@@ -17,7 +17,7 @@ const EYE_M: f64 = 1.0;
 /// What is shown, and what shows it.
 const SHOWN: InstanceId = InstanceId(1);
 /// Instance in a record of what a pixel sees; above it are flags, of which this one is an image's.
-const INSTANCE: u32 = 0x001f_ffff;
+const INSTANCE: u32 = 0x0003_ffff;
 const IMAGE: u32 = 0x2000_0000;
 
 fn mirror() -> Material {

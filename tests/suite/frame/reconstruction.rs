@@ -626,30 +626,31 @@ fn filtered_brightness(library: &ShaderLibrary, scene: &Scene) -> [f64; 3] {
     std::array::from_fn(|c| sum[c] / channel(&raw, c))
 }
 
-/// What a channel or a whole texel does not reflect says nothing of the light, and does not darken what lies beside it.
+/// What a channel or a whole texel does not reflect says nothing of the light, and neither darkens nor colours what lies beside it.
 #[test]
 fn black_texels_and_pure_colours_darken_nothing() {
     let matt = |colors| {
         let mut scene = board(colors);
         scene.materials[0].specular = 0.0;
+        scene.materials[1].emission = [10.0, 7.0, 3.5];
         scene
     };
     let embedded = ShaderLibrary::embedded();
     let [black, red, teal, white] = [[0; 3], [255, 0, 0], [0, 149, 149], [230; 3]];
-    for colors in [[black, white], [red, teal], [white, white]] {
+    for colors in [[black, white], [red, teal], [red, white], [white, white]] {
         let found = filtered_brightness(&embedded, &matt(colors));
         // As for highlights.
         let is_kept = |channel: &f64| (channel - 1.0).abs() < 0.02;
         assert!(found.iter().all(is_kept), "{colors:?}: {found:?}");
     }
     // As if it had been seen to be unlit.
-    let floored = changed(
-        "shared/mixing",
-        "select(gloss, DARK, max_component(share) < LEAST_REFLECTED)",
-        "gloss",
-    );
+    let floored = changed("passes/motion", "DARK, reflects_nothing)", "DARK, false)");
     let [found, ..] = filtered_brightness(&floored, &matt([black, white]));
     assert!((found - 1.0).abs() > 0.05, "{found}");
+    // As if red light said how much blue there is.
+    let guessed = changed("shared/reconstruction", "is_other || lacks", "is_other");
+    let [.., found] = filtered_brightness(&guessed, &matt([red, white]));
+    assert!((found - 1.0).abs() > 0.2, "{found}");
 }
 
 /// What a mirror shows is divided by its own albedo, as if it were seen without the mirror.
@@ -691,7 +692,11 @@ fn textures_in_mirrors_are_as_sharp_as_themselves() {
         rel_mse(&radiance(&renderer, Eye::Left), &raw)
     };
     let found = error(&ShaderLibrary::embedded());
-    let first = changed("passes/motion", "is_one && is_divided", "false");
+    let first = changed(
+        "passes/motion",
+        "select(image.tint, albedo, image.is_clear)",
+        "image.tint",
+    );
     let blurred = error(&first);
     // Noise alone is left, of 16 frames that no neighbour's joins.
     assert!(found < 0.2 * blurred, "{found}, {blurred}");
@@ -784,7 +789,7 @@ fn dark_lamps_keep_their_edges_with_several_samples() {
     );
     let divided = changed(
         "passes/motion",
-        "(!is_one && max_component(emission) > 0.0)",
+        "(!shows_surroundings && max_component(emission) > 0.0)",
         "false",
     );
     let found = picture(&divided);
