@@ -56,7 +56,7 @@ const EXCEPTIONS: &[Exception] = &[
     Exception {
         cards: &[Family::Rdna3],
         limit: Limit::Spills,
-        reason: "one register, of which Mesa 22 gives 132 of 256",
+        reason: "up to four registers, of which Mesa 22 gives 132 of 256",
         kernels: &[["helmet", "motion"]],
     },
     Exception {
