@@ -653,12 +653,10 @@ fn black_texels_and_pure_colours_darken_nothing() {
     assert!((found - 1.0).abs() > 0.2, "{found}");
 }
 
-/// What a mirror shows is divided by its own albedo, as if it were seen without the mirror.
-#[test]
-fn textures_in_mirrors_are_as_sharp_as_themselves() {
-    let mut scene = board([[20; 3], [220; 3]]);
+/// A matt board behind the eye and before a lamp, in a mirror before the eye, of material 2.
+fn board_in_a_mirror(colors: [[u8; 3]; 2]) -> Scene {
+    let mut scene = board(colors);
     scene.materials[0].specular = 0.0;
-    // Behind the eye, before a lamp.
     let place = |mesh: &mut Mesh, [left, bottom, right, top]: [f32; 4], z, normal| {
         let corners = [[left, bottom], [right, bottom], [right, top], [left, top]];
         mesh.positions = corners.map(|[x, y]| [x, y, z]).to_vec();
@@ -682,6 +680,69 @@ fn textures_in_mirrors_are_as_sharp_as_themselves() {
         roughness: 0.0,
         ..Material::default()
     });
+    scene
+}
+
+/// Smudges on a mirror spread what it shows, which is divided by the mirror's albedo there, and by that of what shows beside them.
+#[test]
+fn smudges_leave_what_a_mirror_shows_as_bright() {
+    let mut scene = board_in_a_mirror([[100; 3]; 2]);
+    let smudges = (0..16 * 16).flat_map(|at| {
+        [
+            0,
+            if (at % 16 + at / 16) % 2 == 0 { 0 } else { 25 },
+            255,
+            255,
+        ]
+    });
+    scene.images.push(scene::Image {
+        name: "smudges".to_owned(),
+        width: 16,
+        height: 16,
+        rgba8: smudges.collect(),
+    });
+    scene.textures.push(Texture {
+        image: 1,
+        ..scene.textures[0].clone()
+    });
+    scene.materials[2].roughness = 1.0;
+    scene.materials[2].metallic_roughness_texture = Some(TextureRef {
+        texture: 1,
+        uv_set: 0,
+        texcoord_from_uv: TextureRef::IDENTITY,
+    });
+    let views = parallel_views(Pose::IDENTITY, IPD_M, square_fov(30.0));
+    let settings = filtered(Reuse::Off, |settings| settings.path.max_depth = 3);
+    let sum = |image: &[[f32; 3]]| -> f64 { image.iter().map(|pixel| f64::from(pixel[0])).sum() };
+    let raw = sum(&mean_of_frames(&scene, &views, 256));
+    let brightness = |library: &ShaderLibrary| {
+        let renderer = renderer_by(library, &scene, &settings, Eyes::Left, [SIZE, SIZE]);
+        let mut renderer = renderer.unwrap();
+        let mut shown = 0.0;
+        for frame in 0..24 {
+            play(&mut renderer, &views, frame..frame + 1);
+            if frame >= 8 {
+                shown += sum(&radiance(&renderer, Eye::Left)) / 16.0;
+            }
+        }
+        shown / raw
+    };
+    let found = brightness(&ShaderLibrary::embedded());
+    // As for highlights.
+    assert!((found - 1.0).abs() < 0.02, "{found}");
+    let alike = changed(
+        "passes/motion",
+        "select(SPREAD_GLOSS, gloss, image.is_clear)",
+        "0u",
+    );
+    let found = brightness(&alike);
+    assert!((found - 1.0).abs() > 0.1, "{found}");
+}
+
+/// What a mirror shows is divided by its own albedo, as if it were seen without the mirror.
+#[test]
+fn textures_in_mirrors_are_as_sharp_as_themselves() {
+    let scene = board_in_a_mirror([[20; 3], [220; 3]]);
     let views = parallel_views(Pose::IDENTITY, IPD_M, square_fov(30.0));
     let settings = filtered(Reuse::Off, |settings| settings.path.max_depth = 3);
     let raw = mean_of_frames(&scene, &views, 256);
