@@ -703,7 +703,7 @@ fn smudges_leave_what_a_mirror_shows_as_bright() {
     });
     scene.textures.push(Texture {
         image: 1,
-        ..scene.textures[0].clone()
+        ..scene.textures[0]
     });
     scene.materials[2].roughness = 1.0;
     scene.materials[2].metallic_roughness_texture = Some(TextureRef {
