@@ -643,6 +643,18 @@ fn black_texels_and_pure_colours_darken_nothing() {
         let is_kept = |channel: &f64| (channel - 1.0).abs() < 0.02;
         assert!(found.iter().all(is_kept), "{colors:?}: {found:?}");
     }
+    // A varnish shows the channels that its paint does not.
+    let mut varnished = board([red, teal]);
+    varnished.materials[0].roughness = 1.0;
+    let found = filtered_brightness(&embedded, &varnished);
+    assert!(found.iter().all(|c| (c - 1.0).abs() < 0.02), "{found:?}");
+    let alike = changed(
+        "shared/mixing",
+        "r.share - r.lobe < max(vec3<f32>(LEAST_REFLECTED), r.lobe)",
+        "r.share < vec3<f32>(LEAST_REFLECTED)",
+    );
+    let [found, ..] = filtered_brightness(&alike, &varnished);
+    assert!(found < 0.95, "{found}");
     // As if it had been seen to be unlit.
     let floored = changed("passes/motion", "DARK, reflects_nothing)", "DARK, false)");
     let [found, ..] = filtered_brightness(&floored, &matt([black, white]));
@@ -713,30 +725,49 @@ fn smudges_leave_what_a_mirror_shows_as_bright() {
     });
     let views = parallel_views(Pose::IDENTITY, IPD_M, square_fov(30.0));
     let settings = filtered(Reuse::Off, |settings| settings.path.max_depth = 3);
-    let sum = |image: &[[f32; 3]]| -> f64 { image.iter().map(|pixel| f64::from(pixel[0])).sum() };
-    let raw = sum(&mean_of_frames(&scene, &views, 256));
-    let brightness = |library: &ShaderLibrary| {
-        let renderer = renderer_by(library, &scene, &settings, Eyes::Left, [SIZE, SIZE]);
+    // Of red and of blue light.
+    let sums = |image: &[[f32; 3]]| -> [f64; 2] {
+        [0, 2].map(|channel| image.iter().map(|pixel| f64::from(pixel[channel])).sum())
+    };
+    let brightness = |library: &ShaderLibrary, scene: &Scene| {
+        let renderer = renderer_by(library, scene, &settings, Eyes::Left, [SIZE, SIZE]);
         let mut renderer = renderer.unwrap();
-        let mut shown = 0.0;
+        let mut shown = [0.0; 2];
         for frame in 0..24 {
             play(&mut renderer, &views, frame..frame + 1);
             if frame >= 8 {
-                shown += sum(&radiance(&renderer, Eye::Left)) / 16.0;
+                let sums = sums(&radiance(&renderer, Eye::Left));
+                shown = [0, 1].map(|k| shown[k] + sums[k] / 16.0);
             }
         }
-        shown / raw
+        let raw = sums(&mean_of_frames(scene, &views, 256));
+        [0, 1].map(|k| shown[k] / raw[k])
     };
-    let found = brightness(&ShaderLibrary::embedded());
-    // As for highlights.
-    assert!((found - 1.0).abs() < 0.02, "{found}");
+    let mut copper = scene.clone();
+    copper.materials[0].base_color = [0.95, 0.4, 0.05, 1.0];
+    copper.materials[0].base_color_texture = None;
+    [copper.materials[0].metallic, copper.materials[0].roughness] = [1.0, 0.6];
+    for scene in [&scene, &copper] {
+        let found = brightness(&ShaderLibrary::embedded(), scene);
+        eprintln!("{found:?}");
+        // As for highlights.
+        assert!(found.iter().all(|k| (k - 1.0).abs() < 0.02), "{found:?}");
+    }
     let alike = changed(
         "passes/motion",
         "select(SPREAD_GLOSS, gloss, image.is_clear)",
         "0u",
     );
-    let found = brightness(&alike);
+    let [found, _] = brightness(&alike, &scene);
     assert!((found - 1.0).abs() > 0.1, "{found}");
+    // As if what spreads an image and what shows it clearly were metals alike.
+    let metals = changed(
+        "shared/mixing",
+        "(own == SPREAD_GLOSS) != (theirs == SPREAD_GLOSS)",
+        "false",
+    );
+    let [red, blue] = brightness(&metals, &copper);
+    assert!(blue > 1.02 * red, "{red} {blue}");
 }
 
 /// What a mirror shows is divided by its own albedo, as if it were seen without the mirror.
@@ -787,9 +818,9 @@ fn highlights_on_textures_are_as_bright_as_they_were() {
         );
     }
     let alike = changed(
-        "shared/mixing",
-        "select(select(alike,",
-        "select(select(0.0,",
+        "shared/reconstruction",
+        "select(gloss_log2(glosses.x, glosses.y), DARK_LOG2, is_other || lacks)",
+        "0.0",
     );
     let found = brightness(&alike, [0, 230], 0.3);
     assert!(found > 1.03, "{found}");

@@ -73,10 +73,10 @@ fn light_between_gathered_pixels_is_bilinear() {
                 let expected = [0, 1, 2].map(|channel| sum(channel) / around.len() as f64);
                 let channels = around.iter().flat_map(|&at| full[at]);
                 let largest = channels.fold(0.0_f32, f32::max);
-                // Packing is off by 2^-18 of the largest channel; dividing by the reflectance, adding four and
+                // Packing is off by 2^-17 of the largest channel; dividing by the reflectance, adding four and
                 // multiplying take a dozen roundings of f32.
                 let bound =
-                    f64::from(largest) * (1.0 / f64::from(1 << 18) + 12.0 / f64::from(1 << 24));
+                    f64::from(largest) * (1.0 / f64::from(1 << 17) + 12.0 / f64::from(1 << 24));
                 for channel in 0..3 {
                     let off = (f64::from(found[channel]) - expected[channel]).abs();
                     assert!(off <= bound, "({x}, {y}) of {size:?}: {off} of {bound}");
@@ -161,9 +161,9 @@ fn light_of_a_varnished_plane_is_carried_per_reflectance_and_chance_to_gather() 
                     };
                     let lights: Vec<[f64; 3]> = around.iter().map(light).collect();
                     let largest = lights.iter().flatten().copied().fold(0.0, f64::max);
-                    // Packing is off by 2^-18 of the largest channel. Roundings of 2^-24: four of the ray's cosine are twenty
+                    // Packing is off by 2^-17 of the largest channel. Roundings of 2^-24: four of the ray's cosine are twenty
                     // of its fifth power, which the shares here and there hold; with those of the mean fewer than 64.
-                    let bound = largest * (1.0 / f64::from(1 << 18) + 64.0 / f64::from(1 << 24));
+                    let bound = largest * (1.0 / f64::from(1 << 17) + 64.0 / f64::from(1 << 24));
                     let share = share(pixel);
                     *off += usize::from((0..3).any(|channel| {
                         let sum: f64 = lights.iter().map(|light| light[channel]).sum();

@@ -102,6 +102,17 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
         base_color_texture: texture,
         ..white.clone()
     };
+    // The varnish shows them what the paint does not.
+    let varnished = Material {
+        roughness: 1.0,
+        specular: 1.0,
+        ..painted.clone()
+    };
+    let (mut pure_in_varnish, _) = sheet(varnished, upright, |x, y| {
+        let rest = 255 * u8::from((x / 2 + y / 2) % 2 == 0);
+        [255 - rest, rest, rest, 255]
+    });
+    add_point_light(&mut pure_in_varnish, beside, 2.0);
     let (mut pure, _) = sheet(painted, upright, |x, y| {
         let rest = 255 * u8::from(checks(x, y));
         [255, rest, rest, 255]
@@ -158,6 +169,7 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
         ("leaning varnish", leaning_varnish, views(head)),
         ("leaning metal", leaning_metal, views(head)),
         ("pure colours", pure, views(head)),
+        ("pure colours in varnish", pure_in_varnish, views(head)),
         ("holes", holed, views(head)),
         ("veil", veiled, views(head)),
         ("gauze", gauzy, views(head)),
@@ -271,6 +283,12 @@ fn what_is_not_carried_and_what_is_none_is_noticed() {
             Method::Photon,
             "shared/carried_samples",
             "any(needed & !carried.known) || ",
+        ),
+        (
+            "pure colours in varnish",
+            Method::Photon,
+            "shared/mixing",
+            " - r.lobe",
         ),
         (
             "sky",

@@ -124,9 +124,9 @@ fn images_are_linear_in_emission_from_1e_minus_4_to_1e6() {
                 } else {
                     worst_of_largest(&found[eye], &expected)
                 };
-                // The right eye takes light over to 2^-18 of its largest channel, in both images; the box's reflectances,
-                // 0.04 to 0.76, make that 19 times as much of the largest channel that is reflected: 1.5e-4.
-                let bound = [2e-5, 1.7e-4][eye];
+                // The right eye takes light over to 2^-17 of its largest channel, in both images; the box's reflectances,
+                // 0.04 to 0.76, make that 19 times as much of the largest channel that is reflected: 2.9e-4.
+                let bound = [2e-5, 3.1e-4][eye];
                 assert!(off < bound, "{kind:?} eye {eye} x {factor}: {off}");
                 // Negative control.
                 assert!(worst(&found[eye], &base[eye]) > 0.9);

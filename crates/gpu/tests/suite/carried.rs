@@ -17,7 +17,8 @@ struct Sample {
     place_in_pixel: [f32; 2],
     /// 1 where green is not reflected.
     unknown: f32,
-    gloss: u32,
+    /// Gloss, and from bit 7 on the channels that are a lobe's.
+    mixing: u32,
 }
 
 fn there_and_back(context: &GpuContext, samples: &[Sample]) -> Vec<Sample> {
@@ -25,9 +26,9 @@ fn there_and_back(context: &GpuContext, samples: &[Sample]) -> Vec<Sample> {
     ask(context, &kernel, &Resources::new(), samples, samples.len())
 }
 
-/// The largest channel is 2^17 to 2^18 steps, and rounding is off by half a step, or by two where it would reach the greatest of 18
-/// bits, which says that nothing is known, at 2^18: by 2^-17 of the largest at most. f32 rounds the sum with a half by 2^-7 of a step.
-const LIGHT_BOUND: f64 = (2.0 + 1.0 / 64.0) / (1u32 << 18) as f64;
+/// The largest channel is 2^16 to 2^17 steps, and rounding is off by half a step, or by two where it would reach the greatest of 17
+/// bits, which says that nothing is known, at 2^17: by 2^-16 of the largest at most. f32 rounds the sum with a half by 2^-8 of a step.
+const LIGHT_BOUND: f64 = (2.0 + 1.0 / 128.0) / (1u32 << 17) as f64;
 /// Octahedral coordinates come in steps of 1 / 2047: half a step off each, sqrt(2) / 2 steps together. The octahedron's faces
 /// are sqrt(3) times as long as the plane of the coordinates, and their points at least 1 / sqrt(3) from the centre, so
 /// that directions are off by three times that; a hundredth for f32.
@@ -54,7 +55,7 @@ fn what_is_carried_survives_its_packing_within_its_steps() {
             kind: i % 4,
             place_in_pixel: [unit() * 0.96, unit() * 0.96],
             unknown: 0.0,
-            gloss: i % 128,
+            mixing: i % 1024,
         });
     }
     // Corners: nothing, the ends of the range, axes, pixel centres, which must come out exactly.
@@ -74,7 +75,7 @@ fn what_is_carried_survives_its_packing_within_its_steps() {
             kind: 1,
             place_in_pixel: centre,
             unknown: 0.0,
-            gloss: 127,
+            mixing: 1023,
         });
     }
     let unpacked = there_and_back(&context, &samples);
@@ -91,7 +92,7 @@ fn what_is_carried_survives_its_packing_within_its_steps() {
     for (given, found) in samples.iter().zip(&unpacked) {
         let what = format!("{given:?} {found:?}");
         assert_eq!(found.kind, given.kind, "{what}");
-        assert_eq!(found.gloss, given.gloss, "{what}");
+        assert_eq!(found.mixing, given.mixing, "{what}");
         let depth_off = (found.depth_m / given.depth_m - 1.0).abs();
         assert!(depth_off <= DEPTH_BOUND, "{what}");
         assert!(light_error(given, found) <= LIGHT_BOUND, "{what}");
