@@ -177,8 +177,8 @@ fn mirrors_before_the_first_surface_do_not_count() {
         // Walls light each other.
         assert!(indirect(&parts, false) > 0.0, "{method:?}");
         // One segment more, and the mirror shows light from wall to wall too. Negative control: a rough metal is a surface of
-        // its own, and what it shows of the wall is indirect.
-        for (roughness, depth) in [(0.0, 5), (0.6, 3)] {
+        // its own, and what it shows of the wall is indirect, also where photons' paths follow it.
+        for (roughness, depth) in [(0.0, 5), (0.6, 3), (0.2, 3)] {
             let shown = indirect(&split(&hall_of_mirrors(roughness), depth).0, true);
             assert!(shown > 0.0, "{method:?}, roughness {roughness}");
         }
