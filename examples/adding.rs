@@ -7,12 +7,10 @@ use std::error::Error;
 use std::time::Instant;
 
 use glam::{DAffine3, DVec3};
-use stereolux::gpu::{GpuContext, ShaderLibrary};
-use stereolux::renderer::{Applied, Renderer};
-use stereolux::scene::edit::Placement;
-use stereolux::scene::{Material, Mesh, Node, Scene, ScenePart};
-use stereolux::settings::{Eyes, RenderSettings};
-use stereolux::xr::{Fov, View};
+use stereolux::{
+    Applied, Eyes, Fov, GpuContext, Material, Mesh, Node, Placement, RenderSettings, Renderer,
+    Scene, ScenePart, ShaderLibrary, View,
+};
 
 /// Times that it comes and goes.
 const ROUNDS: usize = 5;

@@ -7,12 +7,10 @@ use std::error::Error;
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
-use stereolux::gpu::{GpuContext, ShaderLibrary};
-use stereolux::renderer::{Applied, Renderer};
-use stereolux::scene::Trs;
-use stereolux::scene::edit::{Document, Edit, NewContent, NewNode, Placement};
-use stereolux::settings::{Eyes, RenderSettings};
-use stereolux::xr::{Fov, View};
+use stereolux::{
+    Applied, Document, Edit, Eyes, Fov, GpuContext, NewContent, NewNode, Placement, RenderSettings,
+    Renderer, ShaderLibrary, Trs, View,
+};
 
 /// Rounds of every edit; the median and the longest count.
 const ROUNDS: usize = 15;

@@ -335,7 +335,8 @@ pub struct FrameLoop<S> {
 
 impl<S: XrSession> FrameLoop<S> {
     /// A loop over the frames of `session`, both eyes of `size` pixels (width, height) each. `context` is the runtime's
-    /// device where the session is a runtime's.
+    /// device where the session is a runtime's. What `settings` leave to `auto` is decided as for [`crate::run_app`]: frames of one
+    /// sample per pixel are reconstructed.
     ///
     /// # Errors
     /// As [`Renderer::new`].
@@ -348,7 +349,10 @@ impl<S: XrSession> FrameLoop<S> {
         size: [u32; 2],
     ) -> Result<Self, RenderError> {
         let (both, info) = (Eyes::Both, session.info());
-        let renderer = Renderer::for_session(context, &library, scene, settings, both, size, info)?;
+        let mut settings = settings.clone();
+        settings.decide_switches(true);
+        let renderer =
+            Renderer::for_session(context, &library, scene, &settings, both, size, info)?;
         Ok(Self {
             session,
             renderer,
@@ -408,6 +412,11 @@ impl<S: XrSession> FrameLoop<S> {
     /// Where frames come from.
     pub fn session(&self) -> &S {
         &self.session
+    }
+
+    /// The same, to let controllers vibrate or move the wearer.
+    pub fn session_mut(&mut self) -> &mut S {
+        &mut self.session
     }
 }
 

@@ -164,8 +164,8 @@ pub use scene::edit::{
 pub use scene::{
     AlphaMode, Animation, Bounds, Camera, Deformation, Environment, Filter, Image as TextureImage,
     Instance, LeftOut, LightInstance, LightKind, Material, Mesh, MeshTriangle, MorphTarget,
-    Motion as SceneMotion, Node, PunctualLight, Scene, SceneError, ScenePart, ScenePose, Skin,
-    SourceFacts, Texture, TextureRef, Trs, VertexJoints, Wrap, load_environment,
+    Motion as SceneMotion, Needs, Node, PunctualLight, Scene, SceneError, ScenePart, ScenePose,
+    Skin, SourceFacts, Texture, TextureRef, Trs, VertexJoints, Wrap, load_environment,
 };
 
 // Settings.
@@ -173,7 +173,7 @@ pub use settings::{
     AnimationSettings, DirectLight, Eyes, Force, ForceSettings, ImageFormat, Kernel, Loads, Method,
     Mips, Motion, OpenXrSettings, PathSettings, PhotonEstimate, PhotonSettings, PictureSettings,
     Quality, ReconstructSettings, RenderSettings, Reuse, Sampler, Schedule, Search, Space,
-    StereoSettings, Technique, TextureSettings, TimingSettings, Turn, UserDomain, UserPass,
+    StereoSettings, Switch, Technique, TextureSettings, TimingSettings, Turn, UserDomain, UserPass,
 };
 
 // Devices and images.
@@ -186,9 +186,9 @@ pub use images::{
 pub use output::OutputError;
 pub use renderer::packing::{PackError, UserBsdf, install_user_bsdfs};
 pub use renderer::{
-    Applied, CpuTimes, Eye, FilledBecause, FrameResult, InPlace, Inspected, InspectedValues,
-    Inspection, InstanceId, MapStats, PartPreparation, PhotonStats, PreparedPart, Provenance,
-    RadianceParts, RayHit, Rebuild, RenderError, Renderer, SeenSurface, StereoStats,
+    Applied, CpuTimes, Eye, FilledBecause, Flight, FrameResult, InPlace, Inspected,
+    InspectedValues, Inspection, InstanceId, MapStats, PartPreparation, PhotonStats, PreparedPart,
+    Provenance, RadianceParts, RayHit, Rebuild, RenderError, Renderer, SeenSurface, StereoStats,
 };
 
 // Applications. `glam` as in the interfaces here.
@@ -202,6 +202,7 @@ pub use app::{Panel, PanelSpec};
 pub use egui;
 
 // Sessions and their frames.
+pub use frame::user_passes::shader_library;
 pub use frame_loop::{CpuMs, FrameLoop, FrameStats, GpuSums, LoopError};
 pub use xr::headset::HeadsetEye;
 #[cfg(not(target_vendor = "apple"))]

@@ -14,18 +14,17 @@
 //!
 //! Everything else, path tracer, photon map and stereo reuse alike, works as with the built-in models.
 
+use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context as _, Result, ensure};
-use stereolux::gpu::vulkan_interop::disable_device_select_layer;
-use stereolux::gpu::{GpuContext, ShaderLibrary};
-use stereolux::images::{Image, ImageRgb, tone_map, write_exr, write_png};
-use stereolux::renderer::packing::{UserBsdf, install_user_bsdfs};
-use stereolux::renderer::{Eye, Renderer};
-use stereolux::scene::{Material, Scene};
-use stereolux::settings::{Eyes, Method, RenderSettings};
-use stereolux::xr::{Fov, Headset};
+use stereolux::{
+    Eye, Eyes, Fov, GpuContext, Headset, Image, ImageRgb, Material, Method, RenderSettings,
+    Renderer, Scene, ShaderLibrary, UserBsdf, disable_device_select_layer, install_user_bsdfs,
+    tone_map, write_exr, write_png,
+};
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// The shaders, with the model added. Several go into one list; the first is number 1.
 pub fn library() -> Result<ShaderLibrary> {
@@ -50,7 +49,9 @@ pub fn cornell_with(meshes: &[&str], material: &Material) -> Result<Scene> {
     let mut scene = Scene::builtin("cornell")?;
     for mesh in meshes {
         let painted = scene.paint(mesh, material.clone());
-        ensure!(painted > 0, "the scene has no mesh named {mesh:?}");
+        if painted == 0 {
+            return Err(format!("the scene has no mesh named {mesh:?}").into());
+        }
     }
     Ok(scene)
 }
@@ -73,14 +74,14 @@ pub fn render(
     Ok(Image::new(
         side,
         side,
-        radiance.context("the left eye was not rendered")?,
+        radiance.ok_or("the left eye was not rendered")?,
     )?)
 }
 
 /// Renders both boxes and writes `plain.exr`, `clay.exr` and, side by side for looking at, `plain_and_clay.png`.
 pub fn compare(out: &Path, adapter: Option<&str>, side: u32, samples: u32) -> Result<()> {
     // First: rendering takes longer than being told that there is no place for it.
-    std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
+    std::fs::create_dir_all(out).map_err(|error| format!("{}: {error}", out.display()))?;
     let settings = RenderSettings {
         method: Method::Path,
         spp: samples,
@@ -117,7 +118,7 @@ fn main() -> ExitCode {
             ExitCode::SUCCESS
         }
         Err(error) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {error}");
             ExitCode::FAILURE
         }
     }

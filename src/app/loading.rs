@@ -10,7 +10,7 @@ use rayon::ThreadPoolBuilder;
 use super::AppError;
 use super::kept::Kept;
 use crate::gpu::ShaderLibrary;
-use crate::renderer::{PartPreparation, PreparedPart, Rebuild, Renderer};
+use crate::renderer::{PartPreparation, PreparedPart, Rebuild, RenderError, Renderer};
 use crate::scene::{Needs, Scene};
 
 /// A glTF file that is being loaded ([`World::load_part`](super::World::load_part)).
@@ -103,6 +103,40 @@ impl Maker {
             library: library.clone(),
         }
     }
+
+    /// Prepares a part, with another renderer where this one lacks its shaders: of the scene that `shown` gives, with
+    /// [`Kept::surroundings`], to which the part has not been added.
+    pub(super) fn prepare(
+        &self,
+        part: Scene,
+        shown: impl FnOnce() -> Option<(Scene, u32)>,
+    ) -> Result<Loaded, RenderError> {
+        part.check()?;
+        let needs = Needs::of(&part);
+        let mut successor = None;
+        // What deforms comes with a renderer that is made of the whole scene (`Renderer::add_part`).
+        if !needs.deformation
+            && !self.rebuild.can_show(&needs)
+            && let Some((scene, surroundings)) = shown()
+        {
+            let renderer = self.rebuild.build_for(&self.library, &scene, &needs)?;
+            successor = Some(Box::new(Successor {
+                renderer,
+                surroundings,
+                parts: scene.parts,
+                needs,
+            }));
+        }
+        let own = successor
+            .as_ref()
+            .map(|own| own.renderer.part_preparation());
+        let preparation = own.as_ref().unwrap_or(&self.preparation);
+        Ok(Loaded {
+            prepared: Some(preparation.prepare(&part)?),
+            scene: part,
+            successor,
+        })
+    }
 }
 
 impl PartLoading {
@@ -119,30 +153,7 @@ impl PartLoading {
             let Some(maker) = maker.or_else(|| ask(&asked, Question::Maker)) else {
                 return Ok(scene.into());
             };
-            let needs = Needs::of(&scene);
-            let mut successor = None;
-            // What deforms comes with a renderer that is made of the whole scene (`Renderer::add_part`).
-            if !needs.deformation
-                && !maker.rebuild.can_show(&needs)
-                && let Some((scene, surroundings)) = ask(&asked, Question::Scene)
-            {
-                let renderer = maker.rebuild.build_for(&maker.library, &scene, &needs)?;
-                successor = Some(Box::new(Successor {
-                    renderer,
-                    surroundings,
-                    parts: scene.parts,
-                    needs,
-                }));
-            }
-            let own = successor
-                .as_ref()
-                .map(|own| own.renderer.part_preparation());
-            let prepared = own.unwrap_or(maker.preparation).prepare(&scene)?;
-            Ok(Loaded {
-                scene,
-                prepared: Some(prepared),
-                successor,
-            })
+            Ok(maker.prepare(scene, || ask(&asked, Question::Scene))?)
         };
         Self(std::thread::spawn(move || {
             // Of its own: frames that ask rayon's for a moment's work would wait there until all shaders are compiled.

@@ -1,5 +1,6 @@
 //! What an application can change: the scene, by name.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
 
@@ -98,14 +99,16 @@ impl<'a> World<'a> {
         &self.kept.scene
     }
 
-    /// The first node of that name.
+    /// The first node of that name that is in the scene.
     ///
     /// # Errors
     /// [`WorldError::Unknown`].
     pub fn node(&self, name: &str) -> Result<usize, WorldError> {
         let hands = self.of_hands(|part| part.nodes.clone());
-        let nodes = self.kept.scene.nodes.iter().map(|node| &*node.name);
-        numbered("node", name, nodes, &hands)
+        let scene = &self.kept.scene;
+        let nodes = scene.nodes.iter().map(|node| &*node.name).enumerate();
+        let placed = nodes.filter(|(node, _)| scene.reaches(*node));
+        numbered("node", name, placed, &hands)
     }
 
     /// The first material of that name.
@@ -116,20 +119,20 @@ impl<'a> World<'a> {
         let hands = self.of_hands(|part| part.materials.clone());
         let materials = self.kept.scene.materials.iter();
         let names = materials.map(|material| &*material.name);
-        numbered("material", name, names, &hands)
+        numbered("material", name, names.enumerate(), &hands)
     }
 
-    /// The first punctual light of that name.
+    /// The first punctual light of that name that a node in the scene has.
     ///
     /// # Errors
     /// [`WorldError::Unknown`].
     pub fn light(&self, name: &str) -> Result<usize, WorldError> {
-        let names = self
-            .kept
-            .scene
-            .lights
-            .iter()
-            .map(|light| light.name.as_str());
+        let scene = &self.kept.scene;
+        let nodes = scene.nodes.iter().enumerate();
+        let placed = nodes.filter_map(|(node, of)| of.light.filter(|_| scene.reaches(node)));
+        let placed: BTreeSet<usize> = placed.collect();
+        let names = scene.lights.iter().map(|light| &*light.name).enumerate();
+        let names = names.filter(|(light, _)| placed.contains(light));
         numbered("light", name, names, &[])
     }
 
@@ -155,12 +158,22 @@ impl<'a> World<'a> {
         entry("node", &self.kept.scene.nodes, node)
     }
 
+    /// A node that was not removed.
+    fn placed(&self, node: usize) -> Result<&Node, WorldError> {
+        let known = self.known(node)?;
+        if self.kept.scene.reaches(node) {
+            return Ok(known);
+        }
+        let name = known.name.clone();
+        Err(EditError::Gone { name }.into())
+    }
+
     /// Puts a node, with everything below it, where `world_from_node` says.
     ///
     /// # Errors
-    /// [`WorldError::Edit`]: no such node, or a transform that is not finite.
+    /// [`WorldError::Edit`]: no such node in the scene, or a transform that is not finite.
     pub fn place(&mut self, node: usize, world_from_node: DAffine3) -> Result<(), WorldError> {
-        let world_from_parent = match self.known(node)?.parent {
+        let world_from_parent = match self.placed(node)?.parent {
             Some(parent) => self.world_from_node(parent)?,
             None => DAffine3::IDENTITY,
         };
@@ -171,8 +184,9 @@ impl<'a> World<'a> {
     /// Shows or hides a node with everything below it.
     ///
     /// # Errors
-    /// [`WorldError::Edit`]: no such node.
+    /// [`WorldError::Edit`]: no such node in the scene.
     pub fn set_visible(&mut self, node: usize, is_visible: bool) -> Result<(), WorldError> {
+        self.placed(node)?;
         self.edit(Edit::Visibility {
             node,
             is_hidden: !is_visible,
@@ -243,8 +257,9 @@ impl<'a> World<'a> {
     /// # Errors
     /// [`WorldError::Edit`]; the scene is then as it was.
     pub fn edit(&mut self, edit: Edit) -> Result<(), WorldError> {
-        edit.apply(&mut self.kept.scene)?;
-        self.kept.is_changed = true;
+        let undo = edit.clone().apply(&mut self.kept.scene)?;
+        // What is shown already costs nothing, however often it is asked for.
+        self.kept.is_changed |= !edit.left_all(&undo);
         Ok(())
     }
 
@@ -256,7 +271,8 @@ impl<'a> World<'a> {
     /// [`WorldError::Unknown`]; [`WorldError::Clip`]: a speed or time that is not finite.
     pub fn play_clip(&mut self, name: &str, speed: f64, time_s: f64) -> Result<(), WorldError> {
         let clips = &self.kept.scene.animations;
-        numbered("clip", name, clips.iter().map(|clip| &*clip.name), &[])?;
+        let names = clips.iter().map(|clip| &*clip.name).enumerate();
+        numbered("clip", name, names, &[])?;
         if !(speed.is_finite() && time_s.is_finite()) {
             let fault = format!("speed {speed} and time {time_s} s are not both finite");
             return Err(WorldError::Clip(fault));
@@ -365,16 +381,24 @@ impl<'a> World<'a> {
         name: &str,
         world_from_part: DAffine3,
     ) -> Result<ScenePart, WorldError> {
+        let mut loaded = loaded.into();
+        if loaded.prepared.is_none() {
+            let whole = loaded.scene.check();
+            whole.map_err(|error| WorldError::Part(error.to_string()))?;
+        }
+        if let (None, Some(renderer)) = (&loaded.prepared, self.renderer) {
+            // It was made here, or loaded before there was a renderer.
+            let kept = &self.kept;
+            let is_alone = kept.part.is_none() && kept.needs_rebuild.is_none();
+            let shown = || is_alone.then(|| (kept.scene.clone(), kept.surroundings));
+            let now = Maker::of(renderer, &kept.library).prepare(loaded.scene, shown);
+            loaded = now.map_err(|error| WorldError::Part(error.to_string()))?;
+        }
         let Loaded {
             scene,
-            mut prepared,
+            prepared,
             successor,
-        } = loaded.into();
-        if let (None, Some(renderer)) = (&prepared, self.renderer) {
-            // It was loaded before there was a renderer.
-            let now = renderer.part_preparation().prepare(&scene);
-            prepared = Some(now.map_err(|error| WorldError::Part(error.to_string()))?);
-        }
+        } = loaded;
         let at = Placement::of(world_from_part);
         let part = self.kept.scene.add_part(scene, name, None, at)?;
         let change = prepared.map(|prepared| {
@@ -560,15 +584,15 @@ fn entry<'a, T>(what: &'static str, list: &'a [T], index: usize) -> Result<&'a T
     Ok(list.get(index).ok_or(missing)?)
 }
 
-/// The number of the first of `names` that is `name`; those numbered `past` do not count.
+/// The number of the first of the numbered `names` that is `name`; those numbered `past` do not count.
 fn numbered<'a>(
     what: &'static str,
     name: &str,
-    names: impl Iterator<Item = &'a str> + Clone,
+    names: impl Iterator<Item = (usize, &'a str)> + Clone,
     past: &[Range<usize>],
 ) -> Result<usize, WorldError> {
     let is_past = |at: &usize| past.iter().any(|numbers| numbers.contains(at));
-    let names = names.enumerate().filter(|(at, _)| !is_past(at));
+    let names = names.filter(|(at, _)| !is_past(at));
     let found = names.clone().find(|(_, known)| *known == name);
     found.map(|(at, _)| at).ok_or_else(|| WorldError::Unknown {
         what,

@@ -195,7 +195,7 @@ impl From<RenderError> for Failure {
             RenderError::Gpu(error) => error.into(),
             RenderError::Bvh(error) => Self::unusable(error),
             RenderError::Pack(error) => Self::unusable(error),
-            RenderError::Settings(_) => Self::unusable(error),
+            RenderError::Settings(_) | RenderError::Scene(_) => Self::unusable(error),
             RenderError::Interrupted => Self::failed(error),
         }
     }

@@ -83,10 +83,20 @@ pub fn parse_run(
     defaults: &[&str],
     args: impl IntoIterator<Item = OsString>,
 ) -> Result<RunOptions, EarlyExit> {
-    let mut given = args.into_iter().peekable();
+    let given: Vec<OsString> = args.into_iter().collect();
+    let is_trace = |word: &OsString| {
+        let word = word.to_string_lossy();
+        word == "--trace" || word.starts_with("--trace=")
+    };
+    let replays = given.iter().any(is_trace);
+    let mut given = given.into_iter().peekable();
     let program = given.next().unwrap_or_else(|| "stereolux".into());
     let mut all = vec![program, "run".into()];
     all.extend(defaults.iter().map(OsString::from));
+    if replays {
+        // Whatever session is the application's default.
+        all.push("--session=replay".into());
+    }
     if given.next_if(|word| word == "view").is_some() {
         all.push("--session=desktop".into());
     }

@@ -39,8 +39,6 @@ pub enum Applied {
 pub struct InPlace {
     /// Instances have other numbers, because some came or went: whoever keeps an [`InstanceId`] has to ask anew.
     pub renumbered: bool,
-    /// Reconstruction goes on with the frames before: only places have changed, which it follows.
-    pub keeps_history: bool,
     /// Shader features that are compiled in and that the scene no longer needs. They cost time and change rounding; a new
     /// renderer does without.
     pub spare_features: Vec<String>,
@@ -385,15 +383,15 @@ impl Renderer {
         self.area_m2 = area_m2(&self.settings, &base.statistics, scene);
         [self.radius_m, self.caustic_radius_m] = radii_m(&self.settings, self.area_m2);
         self.shorten_dispatches();
-        let keeps_history = !renumbered && !relit;
-        if let Some(reconstruction) = self.reconstruction.as_mut().filter(|_| !keeps_history) {
-            reconstruction.reset();
+        let only_moved = only_moved && !renumbered && !relit;
+        if let Some(reconstruction) = self.reconstruction.as_mut().filter(|_| !only_moved) {
+            reconstruction.doubt();
         }
         self.edit_base.note(scene);
         self.edit_base.needs = needs.clone();
         // Things that were put elsewhere are like those that a clip moves: photons may be retraced in shares.
         let same_radii = radii_before == [self.radius_m, self.caustic_radius_m];
-        self.edit_base.outdates_photons |= !(only_moved && keeps_history && same_radii);
+        self.edit_base.outdates_photons |= !(only_moved && same_radii);
         let wanted = shader_features(needs, &self.settings);
         let spare_features = self
             .features()
@@ -404,7 +402,6 @@ impl Renderer {
             .collect();
         Ok(InPlace {
             renumbered,
-            keeps_history,
             spare_features,
             uploaded_bytes,
         })

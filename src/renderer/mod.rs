@@ -45,7 +45,7 @@ use crate::gpu::timing::{Timed, Timer};
 use crate::gpu::{GpuContext, GpuError, Resources, ShaderFeatures, ShaderLibrary, uniform_buffer};
 use crate::renderer::packing::{PackError, check_user_bsdfs};
 use crate::renderer::records::frame::Frame;
-use crate::scene::{Needs, Player, Scene};
+use crate::scene::{Needs, Player, Scene, SceneError};
 use crate::settings::{Eyes as EyeChoice, Kept, Quality, RenderSettings, Reuse, Timestamps};
 use crate::xr::SessionInfo;
 
@@ -86,6 +86,9 @@ pub enum RenderError {
     /// The scene's textures or materials.
     #[error(transparent)]
     Pack(#[from] PackError),
+    /// A scene that does not hold together.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
     /// Settings that cannot be combined.
     #[error("{0}")]
     Settings(String),
@@ -210,6 +213,7 @@ impl Renderer {
             hidden,
         } = made_with;
         let settings = &settings;
+        scene.check()?;
         check_user_bsdfs(library, &scene.materials)?;
         settings.check().map_err(RenderError::Settings)?;
         let edit_base = editing::EditBase::new(scene);

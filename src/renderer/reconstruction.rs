@@ -83,6 +83,8 @@ pub struct Reconstruction {
     before: Option<Before>,
     still_frames: u32,
     power_w: Option<[f64; 3]>,
+    /// The scene has other materials, lights or instances than the frame before showed.
+    is_doubted: bool,
     /// Frames for which history is still compared with what is new, this one included.
     switched_frames_left: u32,
 }
@@ -113,6 +115,7 @@ impl Reconstruction {
             before: None,
             still_frames: 0,
             power_w: None,
+            is_doubted: false,
             switched_frames_left: 0,
         }
     }
@@ -145,7 +148,13 @@ impl Reconstruction {
         self.before = None;
         self.still_frames = 0;
         self.power_w = None;
+        self.is_doubted = false;
         self.switched_frames_left = 0;
+    }
+
+    /// Light may be other than in the frames before, which the next ones compare with their own.
+    pub(super) fn doubt(&mut self) {
+        self.is_doubted = true;
     }
 
     /// Says what the frame that is about to be reconstructed has to do with the one before. `frame` has the eyes without the
@@ -161,18 +170,20 @@ impl Reconstruction {
     ) {
         let now = Before::of(frame, origin_in_world);
         let before = self.before.unwrap_or(now);
-        self.still_frames = if self.before == Some(now) && !changed {
+        let is_doubted = std::mem::take(&mut self.is_doubted);
+        self.still_frames = if self.before == Some(now) && !changed && !is_doubted {
             self.still_frames.saturating_add(1)
         } else {
             1
         };
         let watched = WATCHED_FRAMES + settings.photon.shares - 1;
         let known = self.power_w.replace(power_w);
-        self.switched_frames_left = if known.is_some_and(|known| differ(known, power_w)) {
-            watched
-        } else {
-            self.switched_frames_left.saturating_sub(1)
-        };
+        self.switched_frames_left =
+            if is_doubted || known.is_some_and(|known| differ(known, power_w)) {
+                watched
+            } else {
+                self.switched_frames_left.saturating_sub(1)
+            };
         let own = &settings.reconstruct;
         let summed = still_summed(own, self.still_frames);
         let uniform = Uniform {

@@ -55,6 +55,14 @@ pub enum SceneError {
         /// What there is.
         known: String,
     },
+    /// A scene made in memory that does not hold together ([`crate::Scene::check`]).
+    #[error("{}", line(&format!("scene '{scene}': {fault}")))]
+    Broken {
+        /// Its name.
+        scene: String,
+        /// Which list, what is wrong.
+        fault: String,
+    },
     /// A scene made in memory cannot be written as glTF.
     #[error("{}", line(&format!("glTF writer: {what}")))]
     Write {

@@ -13,6 +13,7 @@
 
 pub mod animation;
 pub mod builtin;
+mod check;
 pub mod deform;
 mod demand;
 pub mod edit;

@@ -31,4 +31,5 @@ mod suite {
     mod motion;
     mod outside;
     mod saving;
+    mod whole;
 }

@@ -1,6 +1,10 @@
-//! Clips and surroundings that an application changes while it runs.
+//! What an application changes while it runs: clips, surroundings, what is shown already, what is gone.
 
-use stereolux::{App, AppError, Environment, FrameInput, World, WorldError, load_environment};
+use glam::DAffine3;
+use stereolux::{
+    App, AppError, EditError, Environment, FrameInput, LightKind, NewContent, PunctualLight, World,
+    WorldError, load_environment,
+};
 
 use super::application::{EVERY_FRAME, RAW, left, replays_to_the_bit, run_well};
 use super::support::Folder;
@@ -119,4 +123,86 @@ fn a_clip_plays_stands_and_is_sought() {
 #[test]
 fn clips_replay_to_the_bit() {
     replays_to_the_bit::<Clips>("clips_replay", &raw(&[PARADE]), 7);
+}
+
+/// Asks in every frame for what is shown already, or else for something new.
+struct Asks {
+    something_new: bool,
+}
+
+impl App for Asks {
+    fn update(&mut self, frame: &FrameInput, world: &mut World) -> Result<(), AppError> {
+        let block = world.node("short block")?;
+        let material = world.material("white")?;
+        let time = f32::from(frame.frame as u16);
+        world.set_visible(block, true)?;
+        world.change_material(material, |white| {
+            if self.something_new {
+                white.base_color[1] = 0.5 + 0.1 * time;
+            }
+        })?;
+        Ok(())
+    }
+}
+
+#[test]
+fn what_is_shown_already_costs_no_photons() {
+    for (something_new, frames) in [(false, 1), (true, 4)] {
+        let folder = Folder::new(&format!("asks_{something_new}"));
+        let args = [&RAW[..], &["--scene=builtin:cornell", "--frames=4"]].concat();
+        run_well(&mut Asks { something_new }, &[], folder.path(), &args);
+        let lines = std::fs::read_to_string(folder.join("stats.jsonl")).unwrap();
+        let traced = lines.matches("\"photons.photon_trace\"").count();
+        assert_eq!(traced, frames, "something new: {something_new}");
+    }
+}
+
+/// Adds a lit node, removes it, and adds another of its name.
+#[derive(Default)]
+struct Replaces(bool);
+
+impl App for Replaces {
+    fn update(&mut self, _: &FrameInput, world: &mut World) -> Result<(), AppError> {
+        let shot = |world: &mut World| {
+            let spark = PunctualLight {
+                name: "spark".to_owned(),
+                kind: LightKind::Point,
+                intensity: [1.0; 3],
+            };
+            world.add("shot", DAffine3::IDENTITY, NewContent::Light(spark))
+        };
+        let first = shot(world)?;
+        world.remove(first)?;
+        for (what, found) in [
+            ("node", world.node("shot")),
+            ("light", world.light("spark")),
+        ] {
+            assert!(matches!(found, Err(WorldError::Unknown { what: of, .. }) if of == what));
+        }
+        let gone: Result<(), WorldError> = Err(EditError::Gone {
+            name: "shot".to_owned(),
+        }
+        .into());
+        assert_eq!(world.set_visible(first, false), gone);
+        assert_eq!(world.place(first, DAffine3::IDENTITY), gone);
+        let second = shot(world)?;
+        assert_eq!(world.node("shot")?, second);
+        let light = world.light("spark")?;
+        assert_eq!(world.scene().nodes[second].light, Some(light));
+        self.0 = true;
+        Ok(())
+    }
+}
+
+#[test]
+fn names_are_of_what_is_there() {
+    let folder = Folder::new("replaces");
+    let mut app = Replaces::default();
+    run_well(
+        &mut app,
+        &[],
+        folder.path(),
+        &raw(&["--scene=builtin:cornell", "--frames=1"]),
+    );
+    assert!(app.0);
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::{DAffine3, DQuat, DVec3};
 use stereolux::bvh::top::MOST_OPENED;
-use stereolux::renderer::{Applied, InPlace, Renderer};
+use stereolux::renderer::{Applied, Eye, InPlace, Renderer};
 use stereolux::scene::edit::{Document, Edit, MaterialPreset, NewContent, NewNode, Placement};
 use stereolux::scene::{LightKind, Material, Node, Scene, Trs};
 use stereolux::settings::{Method, RenderSettings, Reuse};
@@ -12,8 +12,8 @@ use stereolux::xr::View;
 
 use super::edits::{edit_everything, lamp, node};
 use super::support::{
-    Folder, assert_says, assert_success, both_bits, builtin, parallel_views, play, renderer,
-    settings, square_fov, start_pose, stereolux,
+    Folder, assert_says, assert_success, both_bits, builtin, parallel_views, play, radiance,
+    renderer, settings, square_fov, start_pose, stereolux,
 };
 
 const SIZE: [u32; 2] = [64, 64];
@@ -155,7 +155,7 @@ fn an_edited_cornell_box_is_shown_as_a_new_renderer_shows_it() {
     let (by, scale) = (DVec3::new(0.05, 0.02, 0.1), DVec3::new(1.2, 0.7, 1.0));
     let moved = shift(&live.scene, block, by, 0.4, scale);
     let done = live.edit(vec![moved]);
-    assert!(!done.renumbered && done.keeps_history && done.uploaded_bytes == 0);
+    assert!(!done.renumbered && done.uploaded_bytes == 0);
     live.check("moved, turned and scaled");
 
     // The lamp itself: powers, places and the table of picks follow.
@@ -175,8 +175,7 @@ fn an_edited_cornell_box_is_shown_as_a_new_renderer_shows_it() {
         0.3,
         DVec3::new(0.5, 1.0, 1.4),
     );
-    let done = live.edit(vec![dimmer, aside]);
-    assert!(done.keeps_history, "the last of them moved the lamp alone");
+    live.edit(vec![dimmer, aside]);
     live.check("another lamp elsewhere");
 
     let copy = Edit::Duplicate { node: lamp_node };
@@ -185,7 +184,7 @@ fn an_edited_cornell_box_is_shown_as_a_new_renderer_shows_it() {
     let by = DVec3::new(-0.2, -0.1, 0.2);
     let elsewhere = shift(&live.scene, added, by, 0.0, DVec3::ONE);
     let done = live.edit(vec![elsewhere]);
-    assert!(done.renumbered && !done.keeps_history);
+    assert!(done.renumbered);
     live.check("a second lamp that emits");
 
     let own = live.scene.materials.len();
@@ -280,7 +279,7 @@ fn edits_hold_while_a_clip_plays() {
     let aside = shift(&scene, joint, DVec3::new(0.2, 0.0, 0.1), 0.0, DVec3::ONE);
     aside.apply(&mut scene).unwrap();
     let done = in_place(shown.apply_scene(&scene).unwrap());
-    assert!(done.keeps_history && !done.renumbered);
+    assert!(!done.renumbered);
     // The clip has not been set back.
     let placed = shown.instance_of_node(still).unwrap();
     let place = shown.scene().placement(placed);
@@ -346,7 +345,7 @@ fn what_was_not_compiled_or_uploaded_asks_for_a_new_renderer() {
     // Refused, the renderer is as it was; and the scene itself is no change.
     assert!(image(&mut shown, &views, 0) == before);
     let none = in_place(shown.apply_scene(&scene).unwrap());
-    assert!(none.keeps_history && none.uploaded_bytes == 0 && none.spare_features.is_empty());
+    assert!(!none.renumbered && none.uploaded_bytes == 0 && none.spare_features.is_empty());
     assert!(image(&mut shown, &views, 0) == before);
 }
 
@@ -373,34 +372,57 @@ fn undone_edits_show_the_first_picture_again() {
     assert!(image(&mut shown, &views, 0) == before);
 }
 
+/// Other paint and an instance that comes leave the noise of the pictures as small as it was, and show at once.
 #[test]
-fn history_is_kept_for_motion_and_dropped_for_other_light() {
+fn history_is_kept_over_edits() {
     let mut scene = builtin("cornell");
     let views = views(&scene);
     let settings = settings(|s| {
         s.reconstruct.svgf = true.into();
         s.reconstruct.still = true.into();
+        s.photon.every_frame = true;
     });
     let mut shown = renderer(&scene, &settings, SIZE);
-    for frame in 0..3 {
-        image(&mut shown, &views, frame);
-    }
+    play(&mut shown, &views, 0..16);
     let still = |shown: &Renderer| shown.reconstruction().unwrap().still_frames();
-    assert_eq!(still(&shown), 3);
+    assert_eq!(still(&shown), 16);
     let block = node(&scene, "short block");
     let raised = shift(&scene, block, DVec3::Y * 0.1, 0.0, DVec3::ONE);
     raised.apply(&mut scene).unwrap();
-    assert!(in_place(shown.apply_scene(&scene).unwrap()).keeps_history);
-    image(&mut shown, &views, 3);
+    in_place(shown.apply_scene(&scene).unwrap());
+    play(&mut shown, &views, 16..17);
     assert_eq!(still(&shown), 1, "the mean of still frames begins anew");
     let name = scene.materials[material_of(&scene, block)].name.clone();
-    let painted = with_material(&scene, &name, |m| m.base_color = [0.2, 0.9, 0.2, 1.0]);
-    painted.apply(&mut scene).unwrap();
-    assert!(!in_place(shown.apply_scene(&scene).unwrap()).keeps_history);
-    // No history: the frame is that of a renderer that has seen nothing before.
-    let edited = image(&mut shown, &views, 4);
+    let painted = with_material(&scene, &name, |m| m.base_color = [0.1, 0.7, 0.1, 1.0]);
+    let copy = Edit::Duplicate { node: block };
+    for edit in [painted, copy] {
+        edit.apply(&mut scene).unwrap();
+    }
+    let beside = shift(
+        &scene,
+        scene.nodes.len() - 1,
+        DVec3::Y * 0.4,
+        0.0,
+        DVec3::ONE,
+    );
+    beside.apply(&mut scene).unwrap();
+    assert!(in_place(shown.apply_scene(&scene).unwrap()).renumbered);
+    play(&mut shown, &views, 17..18);
+    assert_eq!(still(&shown), 1);
+    let edited = radiance(&shown, Eye::Left);
     let mut new = renderer(&scene, &settings, SIZE);
-    assert!(image(&mut new, &views, 4) == edited);
+    play(&mut new, &views, 17..18);
+    let first = radiance(&new, Eye::Left);
+    play(&mut new, &views, 18..82);
+    let converged = radiance(&new, Eye::Left);
+    let error = |image: &[[f32; 3]]| {
+        let pairs = image.as_flattened().iter().zip(converged.as_flattened());
+        let squares = pairs.map(|(a, b)| f64::from(a - b).powi(2));
+        squares.sum::<f64>()
+    };
+    let [edited, first] = [edited, first].map(|image| error(&image));
+    // Frames that begin anew have the noise of one.
+    assert!(edited < 0.5 * first, "{edited} of {first}");
 }
 
 /// A thousand more instances of the short block, whose mesh has its triangles `copies` times over.

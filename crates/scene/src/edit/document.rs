@@ -173,7 +173,7 @@ impl Document {
         let label = edit.label(&self.scene);
         let redo = edit.clone();
         let undo = edit.apply(&mut self.scene)?;
-        if undoes_nothing(&undo, &redo) {
+        if redo.left_all(&undo) {
             return Ok(());
         }
         self.note(&redo);
@@ -189,7 +189,7 @@ impl Document {
         if let Some(last) = self.undo.back_mut().filter(|last| merges(last)) {
             last.redo = redo;
             last.after = self.state;
-            if undoes_nothing(&last.undo, &last.redo) {
+            if last.redo.left_all(&last.undo) {
                 // Dragged back to where it was.
                 self.state = last.before;
                 self.undo.pop_back();
@@ -291,13 +291,5 @@ impl Document {
         if self.gesture.is_some() {
             self.begin_gesture();
         }
-    }
-}
-
-/// Whether an edit and what undoes it are the same: several are undone in the opposite order.
-fn undoes_nothing(undo: &Edit, redo: &Edit) -> bool {
-    match (undo, redo) {
-        (Edit::Several(undo), Edit::Several(redo)) => undo.iter().rev().eq(redo),
-        _ => undo == redo,
     }
 }

@@ -227,6 +227,15 @@ impl Edit {
         }
     }
 
+    /// Whether it has left all as it was: `undo` is what [`Edit::apply`] gave for it. Several are undone in the opposite order.
+    #[must_use]
+    pub fn left_all(&self, undo: &Self) -> bool {
+        match (self, undo) {
+            (Self::Several(edits), Self::Several(undo)) => undo.iter().rev().eq(edits),
+            _ => self == undo,
+        }
+    }
+
     /// What a menu calls the step on `scene`, before it is applied: "Move Lamp".
     #[must_use]
     pub fn label(&self, scene: &Scene) -> String {

@@ -29,7 +29,8 @@ impl Document {
     /// and renamed. The scene then counts as saved.
     ///
     /// # Errors
-    /// One line: another extension, the original's files have gone, the place cannot be written.
+    /// One line: another extension, the original's files have gone, parts that were added ([`Scene::add_part`]) are in the
+    /// scene, the place cannot be written.
     pub fn save(&mut self, path: &Path) -> Result<(), SceneError> {
         let is = |wanted: &str| {
             path.extension()
@@ -91,6 +92,14 @@ fn patched(original: &Original, scene: &Scene) -> Result<(Value, Vec<u8>), Scene
             what: format!(
                 "{}: has changed or gone since the scene was read; put it back as it was, or open the scene again",
                 file.path.display()
+            ),
+        });
+    }
+    if !scene.parts.is_empty() {
+        return Err(SceneError::Write {
+            what: format!(
+                "{}: the scene has parts that are not its file's (other files, panels, hands); take them out before it is saved",
+                original.path().display()
             ),
         });
     }

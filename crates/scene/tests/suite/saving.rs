@@ -1,5 +1,6 @@
 //! Saved scenes: what was edited is in the file and reads back the same, and nothing else has changed.
 
+use glam::DAffine3;
 use serde_json::{Value, json};
 use stereolux_scene::Scene;
 use stereolux_scene::edit::{Document, Edit, MaterialPreset, Placement};
@@ -370,4 +371,23 @@ fn the_extension_for_visibility_is_read() {
     }
     let error = load(r#""visible":1"#).unwrap_err().to_string();
     assert!(error.contains("'visible' must be true or false"), "{error}");
+}
+
+#[test]
+fn what_a_file_cannot_hold_is_not_saved() {
+    let mut scene = Scene::builtin("cornell").unwrap();
+    let document = Document::load("builtin:cornell").unwrap();
+    let sphere = Scene::builtin("sphere").unwrap();
+    let at = Placement::of(DAffine3::IDENTITY);
+    let part = scene.add_part(sphere, "sphere", None, at).unwrap();
+    let refused = Document::new(scene.clone(), document.original().clone()).to_glb();
+    let message = refused.unwrap_err().to_string();
+    assert!(
+        message.contains("take them out before it is saved"),
+        "{message}"
+    );
+    scene.remove_part(&part).unwrap();
+    Document::new(scene, document.original().clone())
+        .to_glb()
+        .unwrap();
 }
