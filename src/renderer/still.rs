@@ -65,7 +65,7 @@ fn images(buffers: Eye) -> [Place; 2] {
 impl Renderer {
     /// Adds the last frame to the mean of the frames before it since [`Renderer::forget_mean`]; a reconstructed one, which is a
     /// mean already, takes its place. Pixels that are not finite count as 0. Waits for the device, and returns the left and
-    /// the right eye's picture of the mean, if a display is given. The first call compiles a pass.
+    /// the right eye's picture of the mean. The first call compiles a pass.
     ///
     /// # Errors
     /// [`RenderError::Gpu`], as where `library` holds a broken shader or the images do not fit.
@@ -73,7 +73,7 @@ impl Renderer {
     pub fn average(
         &mut self,
         library: &ShaderLibrary,
-        display: Option<Display>,
+        Display { exposure, tone }: Display,
     ) -> Result<[Option<DisplayPixels>; 2], RenderError> {
         let pass = &passes::still_picture;
         let (kernel, uniform) = match self.still.pass.take() {
@@ -98,10 +98,6 @@ impl Renderer {
         if self.reconstruction.is_some() || self.still.size != self.image.size {
             self.still.frames = 0;
         }
-        let Display { exposure, tone } = display.unwrap_or(Display {
-            exposure: 1.0,
-            tone: Tone::Linear,
-        });
         let still = Still {
             per_sample: 1.0 / self.shown_samples() as f32,
             exposure: exposure as f32,
@@ -127,12 +123,7 @@ impl Renderer {
                 Workgroups::Direct([across, down, 1]),
             );
             let [_, shown] = images(buffers);
-            if let Some(shown) = self
-                .frame
-                .buffers
-                .written(shown)
-                .filter(|_| display.is_some())
-            {
+            if let Some(shown) = self.frame.buffers.written(shown) {
                 recorder.read(&[(shown, 0, 4 * self.image.pixels())]);
             }
         }
@@ -289,10 +280,10 @@ mod tests {
     fn mean_and_variance_of_many_frames_are_those_of_f64() {
         const FRAMES: u32 = 1024;
         let (mut renderer, library) = rendered([8, 8]);
-        let display = Some(Display {
+        let display = Display {
             exposure: 1.0,
             tone: Tone::Linear,
-        });
+        };
         let pixels = 0..64_u32;
         // Mean, squares' sum of what is off it, and how much f32 may be off in both.
         let mut twin = vec![([0.0_f64; 3], 0.0_f64, 0.0_f64); 64];
@@ -350,7 +341,7 @@ mod tests {
         renderer.forget_mean();
         assert!(renderer.read_mean(Eye::Left).unwrap().is_none());
         show(&renderer, &[[2.0; 3]; 64]);
-        renderer.average(&library, None).unwrap();
+        renderer.average(&library, display).unwrap();
         assert_eq!(
             renderer.read_mean(Eye::Left).unwrap(),
             Some(vec![[2.0; 3]; 64])
@@ -376,7 +367,7 @@ mod tests {
         let exposure = 1.5;
         for &tone in Tone::ALL {
             renderer.forget_mean();
-            let display = Some(Display { exposure, tone });
+            let display = Display { exposure, tone };
             let [left, _] = renderer.average(&library, display).unwrap();
             let rgba = left.unwrap().rgba;
             let host = tone_map_by(&image, exposure, tone);

@@ -8,7 +8,6 @@ use egui::ColorImage;
 use super::frames::{
     FrameReport, PicturePlace, PixelRadiance, Seen, ViewMode, Wanted, without_display,
 };
-use super::reference::Reference;
 use super::view_pictures::{Colored, NO_REFERENCE, ViewPictures, color, shared, with_legend};
 use crate::false_color::{self, Coloring, Legend, Scale};
 use crate::frame::user_passes::shader_library;
@@ -97,6 +96,11 @@ impl RenderEngine {
             seen: None,
             gate,
         }
+    }
+
+    /// Another one beside it, which asks the same gate.
+    pub fn beside(&self, scene: Scene) -> Self {
+        Self::new(scene, Arc::clone(&self.gate))
     }
 
     /// The scene as edited.
@@ -284,12 +288,14 @@ impl RenderEngine {
             compiled.renderer.resize(size)?;
             compiled.size = size;
         }
-        let Compiled {
-            renderer,
-            is_animated,
-            ..
-        } = compiled;
-        animate(renderer, &self.scene, wanted.scene_time_ns, is_animated);
+        let time_ns = wanted.scene_time_ns;
+        let was_animated = std::mem::replace(&mut compiled.is_animated, time_ns.is_some());
+        match time_ns {
+            Some(time_ns) => compiled.renderer.animate(time_ns),
+            // Back to where its nodes have it.
+            None if was_animated => compiled.renderer.set_pose(&self.scene.rest_pose()),
+            None => {}
+        }
         let result = compiled
             .renderer
             .render_frame(&wanted.views, index, |_| {})?;
@@ -306,9 +312,7 @@ impl RenderEngine {
             tone: wanted.settings.render.output.tone,
         };
         let compiled = self.compiled()?;
-        let shown = compiled
-            .renderer
-            .average(&compiled.library, Some(display))?;
+        let shown = compiled.renderer.average(&compiled.library, display)?;
         let size = compiled.renderer.size().map(|edge| edge as usize);
         let non_finite = shown.iter().flatten().map(|eye| eye.non_finite).sum();
         self.pictures = shown.map(|eye| {
@@ -323,7 +327,11 @@ impl RenderEngine {
     /// [`EngineError`].
     pub fn mean(&self, eye: usize) -> Result<Option<ImageRgb>, EngineError> {
         let compiled = self.compiled.as_ref().ok_or(EngineError::NoRenderer)?;
-        mean_of(&compiled.renderer, eye)
+        let renderer = &compiled.renderer;
+        let [width, height] = renderer.size();
+        let mean = renderer.read_mean(Eye::ALL[eye])?;
+        let image = mean.map(|pixels| ImageRgb::new(width, height, pixels));
+        Ok(image.transpose()?)
     }
 
     /// Mean radiance at a place; `None` if the last frame did not have it.
@@ -384,7 +392,7 @@ impl RenderEngine {
         wanted: &Wanted,
         size: [u32; 2],
         stats: FrameStats,
-        reference: Option<&Reference>,
+        reference: Option<&Self>,
     ) -> Result<FrameReport, EngineError> {
         let seen = self.seen(size)?;
         let shown = self.pictures(wanted.view_mode, size, reference)?;
@@ -422,7 +430,7 @@ impl RenderEngine {
         &mut self,
         mode: ViewMode,
         size: [u32; 2],
-        reference: Option<&Reference>,
+        reference: Option<&Self>,
     ) -> Result<ViewPictures, EngineError> {
         let made = ViewPictures::make(|eye, first| {
             let Some(picture) = self.pictures[eye].clone() else {
@@ -442,7 +450,7 @@ impl RenderEngine {
         mode: ViewMode,
         eye: usize,
         size: [u32; 2],
-        reference: Option<&Reference>,
+        reference: Option<&Self>,
         first: Option<&Legend>,
     ) -> Result<Result<Colored, Option<String>>, EngineError> {
         match mode {
@@ -525,33 +533,6 @@ impl RenderEngine {
     }
 }
 
-/// Takes a renderer's scene to where its animation has it, or back to where its nodes have it once that is stopped.
-/// `is_animated` says whether it was elsewhere, and will.
-pub fn animate(
-    renderer: &mut Renderer,
-    scene: &Scene,
-    time_ns: Option<i64>,
-    is_animated: &mut bool,
-) {
-    let was_animated = std::mem::replace(is_animated, time_ns.is_some());
-    match time_ns {
-        Some(time_ns) => renderer.animate(time_ns),
-        None if was_animated => renderer.set_pose(&scene.rest_pose()),
-        None => {}
-    }
-}
-
-/// Mean radiance over a renderer's frames of an eye, 0 left or 1 right; `None` if there is none.
-///
-/// # Errors
-/// [`EngineError`].
-pub fn mean_of(renderer: &Renderer, eye: usize) -> Result<Option<ImageRgb>, EngineError> {
-    let [width, height] = renderer.size();
-    let mean = renderer.read_mean(Eye::ALL[eye])?;
-    let image = mean.map(|pixels| ImageRgb::new(width, height, pixels));
-    Ok(image.transpose()?)
-}
-
 /// Whether two sets of settings make the same renderer.
 fn same_renderer(one: &Settings, other: &Settings) -> bool {
     one.adapter == other.adapter
@@ -572,6 +553,7 @@ pub fn library(settings: &Settings) -> Result<ShaderLibrary, EngineError> {
 mod tests {
     use super::*;
     use crate::settings::Tone;
+    use crate::viewer::reference::{self, FIRST_FRAME};
 
     #[test]
     fn only_what_is_compiled_or_traced_otherwise_makes_a_new_renderer() {
@@ -659,18 +641,18 @@ mod tests {
             view_mode: ViewMode::Picture,
             stands: false,
         };
-        let reference = Reference::new(&scene, &settings, size, Arc::new(|_: &str| true));
-        let mut reference = reference.unwrap();
         let mut engine = RenderEngine::new(scene.clone(), Arc::new(|_: &str| true));
         engine.prepare(&settings, Eyes::Left, size).unwrap();
+        let mut reference = engine.beside(scene);
+        let of_reference = Arc::new(reference::settings(&settings));
+        reference.prepare(&of_reference, Eyes::Both, size).unwrap();
         // One frame's noise everywhere: what stands alike is alike to the bit.
         let mut shown_at = |seconds: Option<f64>| {
             wanted.scene_time_ns = seconds.map(|seconds| (seconds * 1e9) as i64);
-            engine.clear();
-            engine.frame(0, &wanted, size).unwrap();
-            reference.clear();
-            let at = wanted.scene_time_ns;
-            reference.add(&scene, &wanted.views, 0, at).unwrap();
+            for (engine, index) in [(&mut engine, 0), (&mut reference, FIRST_FRAME)] {
+                engine.clear();
+                engine.frame(index, &wanted, size).unwrap();
+            }
             [engine.mean(0), reference.mean(0)].map(|mean| mean.unwrap().unwrap().pixels)
         };
         let rest = shown_at(None);

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use super::frames::{FrameReport, PicturePlace, PixelRadiance, Seen, ViewMode, Wanted};
 use super::pressure::{Asked, Pressure};
-use super::reference::Reference;
+use super::reference::{self, FIRST_FRAME};
 use super::render_engine::{EngineError, RenderEngine, library};
 use super::screenshot;
 use super::view_pictures::ViewPictures;
@@ -26,7 +26,7 @@ use crate::gpu::timing::milliseconds_since;
 use crate::renderer::Inspection;
 use crate::scene::Scene;
 use crate::scene::edit::Edit;
-use crate::settings::{Kept, Settings};
+use crate::settings::{Eyes, Kept, Settings};
 use crate::xr::View;
 
 /// A frame of a moving view should take no longer, milliseconds: ten pictures a second still follow the hand.
@@ -109,10 +109,8 @@ impl Worker {
             .name("renderer".to_owned())
             .spawn(move || {
                 yield_to_window();
-                let gate: Gate = {
-                    let pressure = Arc::clone(&asked);
-                    Arc::new(move |pass: &str| pressure.admits(pass))
-                };
+                let pressure = Arc::clone(&asked);
+                let gate: Gate = Arc::new(move |pass: &str| pressure.admits(pass));
                 let mut inner = Inner {
                     wanted: shared,
                     pressure: asked,
@@ -122,8 +120,7 @@ impl Worker {
                         let _ = sender.send(report);
                         wake();
                     }),
-                    engine: RenderEngine::new(*scene, Arc::clone(&gate)),
-                    gate,
+                    engine: RenderEngine::new(*scene, gate),
                     other: None,
                     reference: None,
                     screenshots: Vec::new(),
@@ -267,10 +264,10 @@ struct Inner {
     requests: Receiver<Request>,
     reports: Box<dyn Fn(Report) + Send>,
     pressure: Arc<Pressure>,
-    gate: Gate,
     engine: RenderEngine,
     other: Option<RenderEngine>,
-    reference: Option<Reference>,
+    /// What the error view compares with.
+    reference: Option<RenderEngine>,
     screenshots: Vec<PathBuf>,
     /// Where the radiance was asked for last.
     pointed: Option<PicturePlace>,
@@ -359,7 +356,7 @@ impl Inner {
             Request::Scene(scene) => {
                 self.drop_screenshots("another scene came before it was whole");
                 self.changes += 1;
-                self.engine = RenderEngine::new(*scene, Arc::clone(&self.gate));
+                self.engine = self.engine.beside(*scene);
                 self.other = None;
                 self.restart();
             }
@@ -468,9 +465,9 @@ impl Inner {
             None => self.other = None,
             Some(other) => {
                 let other = &Arc::new(decided(other));
-                let own = self.other.get_or_insert_with(|| {
-                    RenderEngine::new(self.engine.scene().clone(), Arc::clone(&self.gate))
-                });
+                let engine = &self.engine;
+                let beside = || engine.beside(engine.scene().clone());
+                let own = self.other.get_or_insert_with(beside);
                 if own.take_changes()? {
                     self.shown = None;
                 }
@@ -499,9 +496,6 @@ impl Inner {
         self.is_preview = is_new || (is_other_view && !wanted.stands);
         if self.is_preview {
             self.divisor = self.preview_divisor(wanted);
-            // Its renderer stays, unless the size is another.
-            let kept = self.reference.take();
-            self.reference = kept.filter(|kept| kept.size() == wanted.size);
             if let Some(reference) = &mut self.reference {
                 reference.clear();
             }
@@ -558,16 +552,13 @@ impl Inner {
                 Some(reference) => reference,
                 none => {
                     (self.reports)(Report::Busy("compiling the reference"));
-                    none.insert(Reference::new(
-                        self.engine.scene(),
-                        &wanted.settings,
-                        size,
-                        Arc::clone(&self.gate),
-                    )?)
+                    let mut made = self.engine.beside(self.engine.scene().clone());
+                    let settings = Arc::new(reference::settings(&wanted.settings));
+                    made.prepare(&settings, Eyes::Both, size)?;
+                    none.insert(made)
                 }
             };
-            let scene = self.engine.scene();
-            reference.add(scene, &wanted.views, index, wanted.scene_time_ns)?;
+            reference.frame(FIRST_FRAME.wrapping_add(index), wanted, size)?;
         }
         let reference = self.reference.as_ref();
         let mut report = self.engine.report(wanted, size, stats, reference)?;
@@ -592,12 +583,9 @@ impl Inner {
             // A reconstructed picture is a mean already, and counts as one frame in the device's.
             report.frames = report.frames.max(self.full_frames + 1);
         }
-        let others = [
-            self.other.as_ref().and_then(RenderEngine::device_bytes),
-            self.reference.as_ref().and_then(Reference::device_bytes),
-        ];
         if let Some(bytes) = &mut report.device_bytes {
-            *bytes += others.into_iter().flatten().sum::<u64>();
+            let others = [&self.other, &self.reference].into_iter().flatten();
+            *bytes += others.filter_map(RenderEngine::device_bytes).sum::<u64>();
             if self.device_bytes != *bytes {
                 self.device_bytes = *bytes;
                 log::debug!("device memory: {bytes} bytes");
