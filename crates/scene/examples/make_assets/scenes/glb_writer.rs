@@ -3,14 +3,14 @@
 //! Positions, normals and texture coordinates are rounded to seven decimals before they become f32, so that the last
 //! bit of a sine, which differs between mathematical libraries, does not change the file.
 
-use std::collections::{BTreeMap, BTreeSet};
-
 use glam::{DAffine3, DVec2, DVec3};
 use image::RgbImage;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use serde_json::{Value, json};
+use serde_json::json;
 use stereolux_scene::animation::{Interpolation, Track};
-use stereolux_scene::gltf_writer::{assemble, number, numbers, put_light_kind};
+use stereolux_scene::gltf_writer::{
+    Draft, INDICES, UNSIGNED_SHORT, VERTICES, number, numbers, put_light_kind,
+};
 use stereolux_scene::{Material, MorphTarget, PunctualLight, SceneError, VertexJoints, Wrap};
 
 /// Triangles of one material, in object space, metres.
@@ -57,45 +57,13 @@ pub enum Payload {
 /// Collects a scene and writes it as `.glb`.
 #[derive(Debug, Default)]
 pub struct GlbWriter {
-    bin: Vec<u8>,
-    has_parent: Vec<bool>,
-    lights: Vec<Value>,
-    nodes: Vec<Value>,
-    /// The document's other lists; glTF forbids empty ones.
-    lists: BTreeMap<&'static str, Vec<Value>>,
-    extensions_used: BTreeSet<&'static str>,
+    draft: Draft,
 }
-
-/// The order of `lists` in the file.
-const LISTS: [&str; 10] = [
-    "meshes",
-    "materials",
-    "textures",
-    "samplers",
-    "images",
-    "cameras",
-    "skins",
-    "animations",
-    "accessors",
-    "bufferViews",
-];
-
-/// glTF's enumerations (glTF 2.0, sections 5.1 and 5.26).
-const FLOAT: u32 = 5126;
-const UNSIGNED_SHORT: u32 = 5123;
-const ARRAY_BUFFER: u32 = 34_962;
-const ELEMENT_ARRAY_BUFFER: u32 = 34_963;
 
 impl GlbWriter {
     /// An empty scene.
     pub fn new() -> Self {
         Self::default()
-    }
-
-    fn push(&mut self, list: &'static str, value: Value) -> u32 {
-        let list = self.lists.entry(list).or_default();
-        list.push(value);
-        list.len() as u32 - 1
     }
 
     /// Embeds a picture as PNG and a texture that samples it, smoothly; returns the texture's index.
@@ -113,13 +81,15 @@ impl GlbWriter {
             .map_err(|error| SceneError::Write {
                 what: format!("image '{name}': {error}"),
             })?;
-        let view = self.view(&png, None);
+        let view = self.draft.view(&png, None);
         let image = json!({ "name": name, "mimeType": "image/png", "bufferView": view });
         let mode = if wrap == Wrap::Repeat { 10_497 } else { 33_071 };
         let sampler = json!({ "magFilter": 9729, "minFilter": 9729, "wrapS": mode, "wrapT": mode });
-        let sampler = self.push("samplers", sampler);
-        let source = self.push("images", image);
-        Ok(self.push("textures", json!({ "sampler": sampler, "source": source })))
+        let sampler = self.draft.push("samplers", sampler);
+        let source = self.draft.push("images", image);
+        Ok(self
+            .draft
+            .push("textures", json!({ "sampler": sampler, "source": source })))
     }
 
     /// Adds a material of factors and a picture of its base colour, whose index [`GlbWriter::texture`] gave.
@@ -161,69 +131,62 @@ impl GlbWriter {
             extensions.push(("KHR_materials_volume", volume));
         }
         for (name, extension) in extensions {
-            self.extensions_used.insert(name);
+            self.draft.extensions_used.insert(name.to_owned());
             value["extensions"][name] = extension;
         }
-        self.push("materials", value)
+        self.draft.push("materials", value)
     }
 
     /// Adds a mesh of one primitive per part.
     pub fn mesh(&mut self, name: &str, parts: &[Part]) -> u32 {
+        let draft = &mut self.draft;
         let mut primitives = Vec::with_capacity(parts.len());
         for part in parts {
             let vec3s = |of: &[DVec3]| of.iter().map(on_grid).collect::<Vec<_>>();
             let mut attributes = json!({
-                "POSITION": self.floats(&vec3s(&part.positions), "VEC3", true, Some(ARRAY_BUFFER)),
-                "NORMAL": self.floats(&vec3s(&part.normals), "VEC3", false, Some(ARRAY_BUFFER)),
+                "POSITION": draft.floats(&vec3s(&part.positions), true, VERTICES),
+                "NORMAL": draft.floats(&vec3s(&part.normals), false, VERTICES),
             });
             if !part.uvs.is_empty() {
                 let uvs = part.uvs.iter().map(|uv| uv.to_array().map(round));
                 let uvs: Vec<_> = uvs.collect();
-                attributes["TEXCOORD_0"] =
-                    json!(self.floats(&uvs, "VEC2", false, Some(ARRAY_BUFFER)));
+                attributes["TEXCOORD_0"] = json!(draft.floats(&uvs, false, VERTICES));
             }
             let corners = part.triangles.as_flattened().iter();
             assert!(part.positions.len() <= 1 << 16, "corners have 16 bits");
-            let corners: Vec<u16> = corners.map(|corner| *corner as u16).collect();
-            let indices = self.shorts(&corners, "SCALAR", ELEMENT_ARRAY_BUFFER);
+            let corners: Vec<_> = corners.map(|corner| [*corner as u16]).collect();
+            let indices = draft.integers(&corners, UNSIGNED_SHORT, INDICES);
             if !part.joints.is_empty() {
                 let joints: Vec<_> = part.joints.iter().map(|vertex| vertex.joints).collect();
                 let weights: Vec<_> = part.joints.iter().map(|vertex| vertex.weights).collect();
-                attributes["JOINTS_0"] = json!(self.shorts(&joints, "VEC4", ARRAY_BUFFER));
-                attributes["WEIGHTS_0"] =
-                    json!(self.floats(&weights, "VEC4", false, Some(ARRAY_BUFFER)));
+                attributes["JOINTS_0"] = json!(draft.integers(&joints, UNSIGNED_SHORT, VERTICES));
+                attributes["WEIGHTS_0"] = json!(draft.floats(&weights, false, VERTICES));
             }
             let mut primitive =
                 json!({ "attributes": attributes, "indices": indices, "material": part.material });
             if !part.targets.is_empty() {
-                let targets: Vec<Value> = part
-                    .targets
-                    .iter()
-                    .map(|target| {
-                        let positions =
-                            self.floats(&target.positions, "VEC3", true, Some(ARRAY_BUFFER));
-                        let normals =
-                            self.floats(&target.normals, "VEC3", false, Some(ARRAY_BUFFER));
-                        json!({ "POSITION": positions, "NORMAL": normals })
-                    })
-                    .collect();
-                primitive["targets"] = Value::Array(targets);
+                let targets = part.targets.iter().map(|target| {
+                    let positions = draft.floats(&target.positions, true, VERTICES);
+                    let normals = draft.floats(&target.normals, false, VERTICES);
+                    json!({ "POSITION": positions, "NORMAL": normals })
+                });
+                primitive["targets"] = targets.collect();
             }
             primitives.push(primitive);
         }
-        self.push("meshes", json!({ "name": name, "primitives": primitives }))
+        draft.push("meshes", json!({ "name": name, "primitives": primitives }))
     }
 
     /// Adds a punctual light.
     pub fn light(&mut self, light: &PunctualLight) -> u32 {
-        self.extensions_used.insert("KHR_lights_punctual");
+        let used = &mut self.draft.extensions_used;
+        used.insert("KHR_lights_punctual".to_owned());
         let intensity = light.intensity.iter().copied().fold(0.0_f32, f32::max);
         let color = numbers(&light.intensity.map(|channel| channel / intensity));
         let mut value =
             json!({ "name": light.name, "color": color, "intensity": number(intensity) });
         put_light_kind(&mut value, light.kind);
-        self.lights.push(value);
-        self.lights.len() as u32 - 1
+        self.draft.push("lights", value)
     }
 
     /// Adds a perspective camera with the given full vertical angle, square pictures.
@@ -233,7 +196,7 @@ impl GlbWriter {
             "type": "perspective",
             "perspective": { "aspectRatio": 1.0, "yfov": number(yfov_rad), "znear": 0.01 },
         });
-        self.push("cameras", camera)
+        self.draft.push("cameras", camera)
     }
 
     /// Adds a root node, which may carry nothing: a joint; returns its index. The transform must be a translation, rotation
@@ -265,17 +228,12 @@ impl GlbWriter {
                 value["extensions"] = json!({ "KHR_lights_punctual": { "light": index } })
             }
         }
-        self.nodes.push(value);
-        self.has_parent.push(false);
-        self.nodes.len() as u32 - 1
+        self.draft.push("nodes", value)
     }
 
     /// Hangs nodes under another one; their transforms then lead to it.
     pub fn adopt(&mut self, parent: u32, children: &[u32]) {
-        for child in children {
-            self.has_parent[*child as usize] = true;
-        }
-        self.nodes[parent as usize]["children"] = json!(children);
+        self.draft.set(parent, "children", json!(children));
     }
 
     /// Gives a node's mesh a skin: joints, and for each the matrix from the mesh's space to its own.
@@ -284,9 +242,10 @@ impl GlbWriter {
             .iter()
             .map(|matrix| glam::DMat4::from(*matrix).to_cols_array().map(round))
             .collect();
-        let matrices = self.floats(&matrices, "MAT4", false, None);
+        let matrices = self.draft.floats(&matrices, false, None);
         let skin = json!({ "joints": joints, "inverseBindMatrices": matrices });
-        self.nodes[node as usize]["skin"] = json!(self.push("skins", skin));
+        let skin = self.draft.push("skins", skin);
+        self.draft.set(node, "skin", json!(skin));
     }
 
     /// Adds an animation.
@@ -301,11 +260,11 @@ impl GlbWriter {
             };
             let times: Vec<[f32; 1]> = track.times_s.iter().map(|time| [round(*time)]).collect();
             let values: Vec<f32> = track.values.iter().map(|value| round(*value)).collect();
-            let input = self.floats(&times, "SCALAR", true, None);
+            let input = self.draft.floats(&times, true, None);
             let output = match channel.path {
-                "rotation" => self.floats(values.as_chunks::<4>().0, "VEC4", false, None),
-                "weights" => self.floats(values.as_chunks::<1>().0, "SCALAR", false, None),
-                _ => self.floats(values.as_chunks::<3>().0, "VEC3", false, None),
+                "rotation" => self.draft.floats(values.as_chunks::<4>().0, false, None),
+                "weights" => self.draft.floats(values.as_chunks::<1>().0, false, None),
+                _ => self.draft.floats(values.as_chunks::<3>().0, false, None),
             };
             targets.push(json!({
                 "sampler": samplers.len(),
@@ -314,7 +273,7 @@ impl GlbWriter {
             samplers
                 .push(json!({ "input": input, "output": output, "interpolation": interpolation }));
         }
-        self.push(
+        self.draft.push(
             "animations",
             json!({ "name": name, "samplers": samplers, "channels": targets }),
         );
@@ -324,73 +283,9 @@ impl GlbWriter {
     ///
     /// # Errors
     /// More than 4 GiB of data.
-    pub fn finish(mut self, name: &str) -> Result<Vec<u8>, SceneError> {
-        pad(&mut self.bin);
-        let roots: Vec<usize> = (0..self.nodes.len())
-            .filter(|node| !self.has_parent[*node])
-            .collect();
-        let mut root = json!({
-            "asset": { "version": "2.0", "generator": "stereolux" },
-            "scene": 0,
-            "scenes": [{ "name": name, "nodes": roots }],
-            "nodes": self.nodes,
-        });
-        if !self.lights.is_empty() {
-            root["extensions"] = json!({ "KHR_lights_punctual": { "lights": self.lights } });
-        }
-        root["extensionsUsed"] = json!(self.extensions_used);
-        for key in LISTS {
-            if let Some(list) = self.lists.remove(key) {
-                root[key] = Value::Array(list);
-            }
-        }
-        root["buffers"] = json!([{ "byteLength": self.bin.len() }]);
-        assemble(root.to_string().into_bytes(), self.bin)
+    pub fn finish(self, name: &str) -> Result<Vec<u8>, SceneError> {
+        self.draft.finish(json!({ "name": name }))
     }
-
-    fn view(&mut self, bytes: &[u8], target: Option<u32>) -> u32 {
-        pad(&mut self.bin);
-        let mut view =
-            json!({ "buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len() });
-        if let Some(target) = target {
-            view["target"] = json!(target);
-        }
-        self.bin.extend_from_slice(bytes);
-        self.push("bufferViews", view)
-    }
-
-    fn floats<const N: usize>(
-        &mut self,
-        elements: &[[f32; N]],
-        kind: &str,
-        with_bounds: bool,
-        target: Option<u32>,
-    ) -> u32 {
-        let view = self.view(bytemuck::cast_slice(elements.as_flattened()), target);
-        let mut accessor = accessor(view, FLOAT, elements.len(), kind);
-        if with_bounds {
-            for (key, pick) in [("min", f32::min as fn(f32, f32) -> f32), ("max", f32::max)] {
-                let extreme = |axis| elements.iter().map(|of| of[axis]).reduce(pick);
-                let extremes = (0..N).filter_map(extreme).map(number);
-                accessor[key] = extremes.collect();
-            }
-        }
-        self.push("accessors", accessor)
-    }
-
-    fn shorts<T: bytemuck::NoUninit>(&mut self, elements: &[T], kind: &str, target: u32) -> u32 {
-        let view = self.view(bytemuck::cast_slice(elements), Some(target));
-        let accessor = accessor(view, UNSIGNED_SHORT, elements.len(), kind);
-        self.push("accessors", accessor)
-    }
-}
-
-fn accessor(view: u32, component: u32, count: usize, kind: &str) -> Value {
-    json!({ "bufferView": view, "componentType": component, "count": count, "type": kind })
-}
-
-fn pad(bytes: &mut Vec<u8>) {
-    bytes.resize(bytes.len().next_multiple_of(4), 0);
 }
 
 /// Rounds to seven decimals, and turns -0 into 0.
