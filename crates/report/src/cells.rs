@@ -28,6 +28,16 @@ impl<'a, R> Table<'a, R> {
         self
     }
 
+    /// A further column, of figures with so many decimals.
+    pub(crate) fn figures(
+        self,
+        head: impl Into<String>,
+        decimals: usize,
+        figure: impl Fn(&R) -> f64 + 'a,
+    ) -> Self {
+        self.with(head, move |row| format!("{:.decimals$}", figure(row)))
+    }
+
     /// The table of `rows`, in their order.
     pub(crate) fn of(&self, rows: impl IntoIterator<Item = R>) -> String {
         let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));

@@ -1,7 +1,6 @@
 //! `bench motion`: pictures of a moving head against references, raw and reconstructed.
 
-use std::fmt::Write as _;
-
+use crate::cells::Table;
 use crate::one_table::{Circumstances, column, one_table, table_row};
 use crate::{ReportError, ReportFile};
 
@@ -36,21 +35,13 @@ impl MotionRow {
     }
 }
 
-/// The variant of the same scene and method whose name this is.
-fn beside<'a>(rows: &'a [MotionRow], row: &MotionRow, variant: &str) -> Option<&'a MotionRow> {
-    rows.iter().find(|other| {
-        (&other.scene, &other.method, other.variant.as_str()) == (&row.scene, &row.method, variant)
-    })
-}
-
-/// One figure over the same of another row; NaN without one.
-fn over(
-    rows: &[MotionRow],
-    row: &MotionRow,
-    variant: &str,
-    figure: impl Fn(&MotionRow) -> f64,
-) -> f64 {
-    beside(rows, row, variant).map_or(f64::NAN, |other| figure(row) / figure(other))
+/// One figure over that of the same scene and method by another variant; NaN without one.
+fn over(rows: &[MotionRow], row: &MotionRow, variant: &str, figure: fn(&MotionRow) -> f64) -> f64 {
+    let wanted = (&row.scene, &row.method, variant);
+    let other = rows
+        .iter()
+        .find(|other| (&other.scene, &other.method, other.variant.as_str()) == wanted);
+    other.map_or(f64::NAN, |other| figure(row) / figure(other))
 }
 
 /// report.md, rows.csv and columns.json. `what`: the sentences that say what was measured.
@@ -73,32 +64,28 @@ pub fn files(
 }
 
 fn markdown(rows: &[MotionRow], what: &str) -> String {
-    let mut text = format!(
-        "# stereolux bench motion\n\n{what}\n\n\
-         | scene | method | variant | RMSE | over raw | relMSE | brightness | flicker | over raw | binocular | over separate \
-         | ms | over raw |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
-    );
-    for row in rows {
-        let _ = writeln!(
-            text,
-            "| {} | {} | {} | {:.4} | {:.2} | {:.4} | {:.3} | {:.4} | {:.2} | {:.5} ± {:.5} | {:.2} | {:.1} | {:.2} |",
-            row.scene.replace('|', "/"),
-            row.method,
-            row.variant,
-            row.rmse,
-            over(rows, row, "raw", |row| row.rmse),
-            row.rel_mse,
-            row.brightness,
-            row.flickers(),
-            over(rows, row, "raw", MotionRow::flickers),
-            row.binocular,
-            row.binocular_se,
-            over(rows, row, "separate", |row| row.binocular),
-            row.ms,
-            over(rows, row, "raw", |row| row.ms),
-        );
-    }
-    text
+    let over = |row: &MotionRow, variant: &str, figure: fn(&MotionRow) -> f64| {
+        over(rows, row, variant, figure)
+    };
+    let table = Table::new()
+        .with("scene", |row: &&MotionRow| row.scene.clone())
+        .with("method", |row| row.method.clone())
+        .with("variant", |row| row.variant.clone())
+        .figures("RMSE", 4, |row| row.rmse)
+        .figures("over raw", 2, |row| over(row, "raw", |row| row.rmse))
+        .figures("relMSE", 4, |row| row.rel_mse)
+        .figures("brightness", 3, |row| row.brightness)
+        .figures("flicker", 4, |row| row.flickers())
+        .figures("over raw", 2, |row| over(row, "raw", MotionRow::flickers))
+        .with("binocular", |row| {
+            format!("{:.5} ± {:.5}", row.binocular, row.binocular_se)
+        })
+        .figures("over separate", 2, |row| {
+            over(row, "separate", |row| row.binocular)
+        })
+        .figures("ms", 1, |row| row.ms)
+        .figures("over raw", 2, |row| over(row, "raw", |row| row.ms));
+    format!("# stereolux bench motion\n\n{what}\n\n{}", table.of(rows))
 }
 
 #[cfg(test)]

@@ -1,8 +1,7 @@
 //! `bench work`: what a frame's passes do, counted, and what named graphics cards would allow. What it assumes was held against
 //! one card's times (docs/gpu.md).
 
-use std::fmt::Write as _;
-
+use crate::cells::Table;
 use crate::one_table::{Circumstances, column, one_table, table_row};
 use crate::{ReportError, ReportFile};
 
@@ -180,63 +179,45 @@ pub fn files(
 }
 
 fn markdown(rows: &[WorkRow], what: &str) -> String {
+    let [ray, node, triangle, tested, counted] = INSTRUCTIONS;
     let mut text = format!(
         "# stereolux bench work\n\n{what}\n\n**A model: no time here was measured.** A pass takes the longer of moving its \
          bytes at {:.0} % of the card's published bandwidth and running its instructions at {:.0} % of its published rate ({:.0} % \
          where paths are traced). \
-         {:.0} % of what rays and gathers look at comes from memory. A ray is taken for {:.0} instructions, a node {:.0}, a \
-         triangle test {:.0}, a photon tested {:.0}, one counted {:.0}; the rest of the code runs once per thread.\n\n",
+         {:.0} % of what rays and gathers look at comes from memory. A ray is taken for {ray:.0} instructions, a node {node:.0}, a \
+         triangle test {triangle:.0}, a photon tested {tested:.0}, one counted {counted:.0}; the rest of the code runs once per \
+         thread.\n\n",
         100.0 * BANDWIDTH_SHARE,
         100.0 * ARITHMETIC_SHARE,
         100.0 * PARTED_SHARE,
         100.0 * CACHE_MISSES,
-        INSTRUCTIONS[0],
-        INSTRUCTIONS[1],
-        INSTRUCTIONS[2],
-        INSTRUCTIONS[3],
-        INSTRUCTIONS[4],
     );
-    text += "| card | GB/s | TFLOPS | source |\n|---|---|---|---|\n";
-    for card in &CARDS {
-        let _ = writeln!(
-            text,
-            "| {} | {} | {} | {} |",
-            card.name, card.gb_per_s, card.tflops, card.source
-        );
+    text += &Table::new()
+        .with("card", |card: &&Card| card.name.to_owned())
+        .with("GB/s", |card| card.gb_per_s.to_string())
+        .with("TFLOPS", |card| card.tflops.to_string())
+        .with("source", |card| card.source.to_owned())
+        .of(&CARDS);
+    let per = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
+    let mut table = Table::new()
+        .with("pass", |row: &&WorkRow| row.pass.clone())
+        .figures("M rays", 2, |row| row.rays * 1e-6)
+        .figures("nodes/ray", 1, |row| per(row.nodes, row.rays))
+        .figures("triangles/ray", 1, |row| per(row.triangles, row.rays))
+        .figures("M photons tested", 1, |row| row.photons_tested * 1e-6)
+        .figures("counted, %", 0, |row| {
+            100.0 * per(row.photons_counted, row.photons_tested)
+        })
+        .figures("MB read", 1, |row| row.bytes_read * 1e-6)
+        .figures("MB written", 1, |row| row.bytes_written * 1e-6)
+        .figures("MB walked", 0, |row| row.bytes_walked * 1e-6)
+        .figures("G instructions", 2, |row| row.instructions * 1e-9);
+    for (index, card) in CARDS.iter().enumerate() {
+        table = table.figures(format!("{}, ms", card.name), 3, move |row| row.ms[index]);
     }
-    let mut frame = None;
-    for row in rows {
-        if frame != Some((&row.scene, &row.method)) {
-            frame = Some((&row.scene, &row.method));
-            let _ = write!(
-                text,
-                "\n## {}, {}\n\n| pass | M rays | nodes/ray | triangles/ray | M photons tested | counted, % | MB read | MB written | MB walked | G instructions |",
-                row.scene, row.method
-            );
-            for card in &CARDS {
-                let _ = write!(text, " {}, ms |", card.name);
-            }
-            let _ = writeln!(text, "\n|---{}", "|---".repeat(9 + CARDS.len()) + "|");
-        }
-        let per = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
-        let _ = write!(
-            text,
-            "| {} | {:.2} | {:.1} | {:.1} | {:.1} | {:.0} | {:.1} | {:.1} | {:.0} | {:.2} |",
-            row.pass.replace('|', "/"),
-            row.rays * 1e-6,
-            per(row.nodes, row.rays),
-            per(row.triangles, row.rays),
-            row.photons_tested * 1e-6,
-            100.0 * per(row.photons_counted, row.photons_tested),
-            row.bytes_read * 1e-6,
-            row.bytes_written * 1e-6,
-            row.bytes_walked * 1e-6,
-            row.instructions * 1e-9,
-        );
-        for ms in row.ms {
-            let _ = write!(text, " {ms:.3} |");
-        }
-        text.push('\n');
+    for frame in rows.chunk_by(|a, b| (&a.scene, &a.method) == (&b.scene, &b.method)) {
+        let WorkRow { scene, method, .. } = &frame[0];
+        text += &format!("\n## {scene}, {method}\n\n{}", table.of(frame));
     }
     text
 }
