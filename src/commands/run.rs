@@ -17,7 +17,7 @@ use crate::options::{RenderOptions, RunOptions, SessionChoice};
 use crate::output::OutputFolder;
 use crate::printable::did_you_mean;
 use crate::renderer::Renderer;
-use crate::scene::{Camera, Needs, Scene};
+use crate::scene::{Camera, Scene};
 use crate::scene_loading::Loaded;
 use crate::settings::{
     Aov, ExrPrecision, Eyes, FramesInFlight, OutputSettings, RenderSettings, Reuse, Settings,
@@ -365,19 +365,17 @@ fn render_session(
         Ok(())
     });
     let scene = &application.kept.scene;
-    let needs = Needs::of(scene);
-    let run = report::RunReport::new(
+    let run = report::EndedRun {
         settings,
-        &renderer,
+        renderer: &renderer,
         scene,
-        light.map(|light| light.to_string()),
-        &needs,
-        &name,
-        session.info(),
+        light: light.map(|light| light.to_string()),
+        session: &name,
+        info: session.info(),
         size,
-        &outcome,
-        ended.as_ref().err().map(|failure| failure.message.clone()),
-    );
+        outcome: &outcome,
+        error: ended.as_ref().err().map(|failure| failure.message.as_str()),
+    };
     let written = OutputFolder::write_run(output.path(), &run);
     // The first error is the one to tell.
     if ended.is_ok() || interrupt::requested() {
