@@ -1,6 +1,6 @@
 //! What a scene really needs from the renderer, and what of it is left out.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
@@ -139,7 +139,6 @@ impl Needs {
     /// As [`Needs::of`], from what is known of the scene's triangles: work in proportion to nodes and materials.
     pub fn with_statistics(scene: &Scene, statistics: &SceneStatistics) -> Self {
         let instances = scene.instances();
-        let mut used = vec![false; scene.materials.len()];
         let mut needs = Self {
             motion: scene.source.motion.kind(),
             clips: scene
@@ -156,23 +155,18 @@ impl Needs {
         for instance in &instances {
             placed[instance.mesh] += 1;
         }
-        // What alpha can be at most one of: factor below 1, a texture with translucent texels, a translucent vertex.
-        let mut translucent_vertices = vec![false; scene.materials.len()];
-        for (mesh, placed) in statistics
-            .meshes
-            .iter()
-            .zip(placed)
-            .filter(|(_, placed)| *placed > 0)
-        {
+        // Materials in use, and whether a vertex of theirs lets light through.
+        let mut used: BTreeMap<usize, bool> = BTreeMap::new();
+        let shown = statistics.meshes.iter().zip(placed);
+        for (mesh, placed) in shown.filter(|(_, placed)| *placed > 0) {
             needs.stored_triangles += mesh.triangles;
             needs.triangles += mesh.triangles * placed;
             needs.vertex_colors |= mesh.has_tints;
             for part in &mesh.uses {
-                used[part.material] = true;
+                *used.entry(part.material).or_default() |= part.is_translucent;
                 if scene.materials[part.material].is_emissive() {
                     needs.lights.emissive_triangles += placed * part.triangles;
                 }
-                translucent_vertices[part.material] |= part.is_translucent;
             }
         }
         for light in scene.light_instances() {
@@ -188,44 +182,19 @@ impl Needs {
         }
         needs.environment = scene.environment.as_ref().is_some_and(Environment::shines);
 
-        let in_use = || {
-            scene
-                .materials
-                .iter()
-                .zip(&used)
-                .filter(|(_, used)| **used)
-                .map(|(material, _)| material)
-        };
-        let mut textures: Vec<u32> = Vec::new();
-        for (index, material) in scene
-            .materials
-            .iter()
-            .enumerate()
-            .filter(|(index, _)| used[*index])
-        {
-            needs.materials += 1;
+        let in_use = || used.keys().map(|index| &scene.materials[*index]);
+        needs.materials = used.len();
+        let mut textures = BTreeSet::new();
+        for (material, is_translucent) in in_use().zip(used.values()) {
             needs.add_material(material);
-            needs.alpha |= alpha_matters(scene, statistics, material, translucent_vertices[index]);
-            textures.extend(
-                material
-                    .texture_slots()
-                    .iter()
-                    .filter_map(|(_, slot)| Some((*slot)?.texture)),
-            );
+            needs.alpha |= alpha_matters(scene, statistics, material, *is_translucent);
+            let slots = material.texture_slots().into_iter();
+            textures.extend(slots.filter_map(|(_, slot)| Some(slot?.texture as usize)));
         }
-        textures.sort_unstable();
-        textures.dedup();
         needs.textures = textures.len();
-        let mut images: Vec<u32> = textures
-            .iter()
-            .map(|texture| scene.textures[*texture as usize].image)
-            .collect();
-        images.sort_unstable();
-        images.dedup();
-        needs.texture_bytes = images
-            .iter()
-            .map(|image| scene.images[*image as usize].rgba8.len())
-            .sum();
+        let images = textures.iter().map(|at| scene.textures[*at].image as usize);
+        let images: BTreeSet<usize> = images.collect();
+        needs.texture_bytes = images.iter().map(|at| scene.images[*at].rgba8.len()).sum();
 
         let is_lit = needs.lights != LightCounts::default() || needs.environment;
         let has_diffuse =
