@@ -337,8 +337,8 @@ fn gathered_highlights_on_textures_are_as_bright_as_they_were() {
     }
     let alike = changed(
         "shared/mixing",
-        "select(select(alike,",
-        "select(select(0.0,",
+        "select(select(alike, DARK_LOG2, is_other)",
+        "select(0.0",
     );
     let found = brightness(&alike, [0, 230]);
     assert!(found.iter().all(|found| *found > 1.5), "{found:?}");

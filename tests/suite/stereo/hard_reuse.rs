@@ -281,14 +281,14 @@ fn what_is_not_carried_and_what_is_none_is_noticed() {
         (
             "pure colours",
             Method::Photon,
-            "shared/carried_samples",
-            "any(needed & !carried.known) || ",
+            "shared/mixing",
+            " || (theirs.y & asked) != 0u",
         ),
         (
             "pure colours in varnish",
             Method::Photon,
             "shared/mixing",
-            " - r.lobe",
+            " || (theirs.y & asked) != 0u",
         ),
         (
             "sky",

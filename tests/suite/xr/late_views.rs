@@ -175,7 +175,8 @@ fn poses_are_as_old_as_the_eyes_and_images_are_taken_last() {
     let scene = builtin("cornell");
     let (session, calls) = moving(&scene);
     let library = ShaderLibrary::embedded();
-    let settings = settings(|_| {});
+    // Samples in the middle of their pixels.
+    let settings = settings(|s| s.decide_switches(false));
     let mut frames =
         FrameLoop::new(context(), library, session, &scene, &settings, [32, 24]).unwrap();
     let mut first = None;
