@@ -499,10 +499,11 @@ impl<'a> World<'a> {
     /// # Errors
     /// [`WorldError::Move`]: not finite.
     pub fn move_wearer(&mut self, by_m: DVec3) -> Result<(), WorldError> {
-        if !by_m.is_finite() {
-            return Err(WorldError::Move(format!("{by_m} is not finite")));
+        let moved_m = self.kept.moved_m + by_m;
+        if !moved_m.is_finite() {
+            return Err(WorldError::Move(format!("{moved_m} is not finite")));
         }
-        self.kept.moved_m += by_m;
+        self.kept.moved_m = moved_m;
         Ok(())
     }
 

@@ -213,6 +213,7 @@ impl Renderer {
             hidden,
         } = made_with;
         let settings = &settings;
+        session::check_size(size)?;
         scene.check()?;
         check_user_bsdfs(library, &scene.materials)?;
         settings.check().map_err(RenderError::Settings)?;

@@ -28,6 +28,16 @@ impl Hidden {
     }
 }
 
+/// Fails for an image without pixels.
+pub(super) fn check_size([width, height]: [u32; 2]) -> Result<(), RenderError> {
+    if width == 0 || height == 0 {
+        return Err(RenderError::Settings(format!(
+            "an image of {width}x{height} has no pixels; width and height must be at least 1"
+        )));
+    }
+    Ok(())
+}
+
 impl Renderer {
     /// Follows the session, whose lenses may come to hide something else. Where the renderer was made for lenses that hide
     /// nothing and never will, all pixels stay seen.
@@ -100,12 +110,7 @@ impl Renderer {
     /// [`RenderError::Settings`] for a size without pixels, [`RenderError::Gpu`] if the images do not fit the adapter; the
     /// old size then stays.
     pub fn resize(&mut self, size: [u32; 2]) -> Result<(), RenderError> {
-        if size.contains(&0) {
-            return Err(RenderError::Settings(format!(
-                "an image of {}x{} has no pixels; width and height must be at least 1",
-                size[0], size[1]
-            )));
-        }
+        check_size(size)?;
         if size == self.full_size {
             return Ok(());
         }

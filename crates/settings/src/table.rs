@@ -560,6 +560,9 @@ impl RenderSettings {
     /// One line: which cannot, and what to change.
     pub fn check(&self) -> Result<(), String> {
         self.photon.check_gather()?;
+        if self.spp == 0 {
+            return Err("a frame without samples shows nothing; spp must be at least 1".to_owned());
+        }
         let photon = &self.photon;
         let counted = photon.search == Search::Grid
             && photon.estimate == PhotonEstimate::Radius

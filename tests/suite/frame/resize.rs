@@ -162,3 +162,24 @@ fn sizes_without_pixels_are_refused_and_leave_the_old_one() {
     assert_eq!(radiance(&renderer, Eye::Right).len(), 48 * 33);
     assert!(renderer.read_radiance(Eye::Left).unwrap().is_none());
 }
+
+#[test]
+fn renderers_without_pixels_samples_or_whole_scenes_are_refused() {
+    let (library, good) = (ShaderLibrary::embedded(), settings(|_| {}));
+    let scene = builtin("cornell");
+    let mut torn = scene.clone();
+    torn.meshes[1].triangles[0].material = 99;
+    let without_samples = settings(|s| s.spp = 0);
+    for (scene, settings, size, says) in [
+        (&scene, &good, [5, 0], "5x0"),
+        (&scene, &without_samples, SMALL, "spp"),
+        (&torn, &good, SMALL, "meshes[1] names material 99"),
+    ] {
+        let made = renderer_by(&library, scene, settings, Eyes::Both, size);
+        let error = made.err().map(|error| error.to_string());
+        assert!(
+            error.as_ref().is_some_and(|e| e.contains(says)),
+            "{error:?}"
+        );
+    }
+}
