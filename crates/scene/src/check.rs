@@ -119,12 +119,13 @@ impl Scene {
 
 fn fault_of_mesh(mesh: &Mesh, materials: usize) -> Option<String> {
     let vertices = mesh.positions.len();
-    let whole = [
-        ("normals", mesh.normals.len()),
+    // Without one of the others there are defaults.
+    let optional = [
         ("tangents", mesh.tangents.len()),
         ("uv0", mesh.uv0.len()),
         ("uv1", mesh.uv1.len()),
         ("colors", mesh.colors.len()),
+        ("joints", mesh.joints.len()),
     ];
     let shapes = mesh.targets.iter().flat_map(|target| {
         [
@@ -132,8 +133,10 @@ fn fault_of_mesh(mesh: &Mesh, materials: usize) -> Option<String> {
             ("target normals", target.normals.len()),
         ]
     });
-    let joints = (!mesh.joints.is_empty()).then_some(("joints", mesh.joints.len()));
-    let mut lists = whole.into_iter().chain(shapes).chain(joints);
+    let given = optional.into_iter().chain(shapes);
+    let mut lists = given
+        .filter(|(_, length)| *length > 0)
+        .chain([("normals", mesh.normals.len())]);
     if let Some((list, length)) = lists.find(|(_, length)| *length != vertices) {
         return Some(format!("has {vertices} positions and {length} {list}"));
     }

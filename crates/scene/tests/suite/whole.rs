@@ -44,6 +44,10 @@ fn every_fault_names_its_list_and_number() {
         }),
         ("meshes[0] has 4 positions and 3 normals", |s| {
             s.meshes[0].positions.truncate(4);
+            s.meshes[0].tangents.clear();
+            s.meshes[0].uv0.clear();
+            s.meshes[0].uv1.clear();
+            s.meshes[0].colors.clear();
             s.meshes[0].normals.truncate(3);
         }),
         ("materials[1] names texture 7", |s| {
