@@ -54,12 +54,6 @@ const EXCEPTIONS: &[Exception] = &[
         kernels: &[["gallery", "path_trace"], ["helmet", "path_trace"]],
     },
     Exception {
-        cards: &[Family::Rdna3],
-        limit: Limit::Spills,
-        reason: "up to four registers, of which Mesa 22 gives 132 of 256",
-        kernels: &[["helmet", "motion"]],
-    },
-    Exception {
         cards: &Family::ALL,
         limit: Limit::Waves,
         reason: "a path's state, both ways to sample light and a ray are alive at once",
