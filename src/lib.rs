@@ -97,6 +97,10 @@ mod desktop;
 mod false_color;
 #[cfg(feature = "internals")]
 pub mod false_color;
+#[cfg(test)]
+#[allow(dead_code, reason = "shared with other crates' tests")]
+#[path = "../crates/base/tests/shared/folders.rs"]
+mod folders;
 #[cfg(not(feature = "internals"))]
 mod frame;
 #[cfg(feature = "internals")]

@@ -561,6 +561,7 @@ fn is_of_a_run(name: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::folders::Folder;
 
     #[test]
     fn only_names_of_a_run_are_a_runs() {
@@ -598,7 +599,8 @@ mod tests {
 
     #[test]
     fn what_is_given_up_leaves_the_folders_that_were_there() {
-        let base = std::env::temp_dir().join(format!("stereolux_given_up_{}", std::process::id()));
+        let folder = Folder::new("given-up");
+        let base = folder.join("out");
         for was_there in [true, false] {
             if was_there {
                 fs::create_dir_all(&base).unwrap();

@@ -315,16 +315,11 @@ fn read(path: &Path, key: &str, size: [u32; 2]) -> Option<RenderMoments> {
 }
 
 #[cfg(test)]
-#[allow(dead_code)]
-#[path = "../../crates/base/tests/shared/folders.rs"]
-mod folders;
-
-#[cfg(test)]
 mod tests {
     use std::fs;
 
-    use super::folders::Folder;
     use super::*;
+    use crate::folders::Folder;
 
     fn moments() -> RenderMoments {
         let mut moments = RenderMoments::new(4, 3);

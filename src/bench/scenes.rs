@@ -510,6 +510,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::folders::Folder;
 
     #[test]
     fn generated_scenes_have_the_sizes_asked_for() {
@@ -633,10 +634,8 @@ mod tests {
         assert!(!changed(&|s| s.name = "other".to_owned()));
         assert!(!changed(&|s| s.cameras.clear()));
         // A plan looks from the camera of its scene: the same file with another camera is another source.
-        let folder = std::env::temp_dir().join(format!("stereolux-{}-cameras", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
+        let folder = Folder::new("cameras");
         let keys = [0.5, 0.6].map(|yfov| {
-            let path = folder.join("scene.gltf");
             let camera =
                 json!({"type": "perspective", "perspective": {"yfov": yfov, "znear": 0.1}});
             let gltf = json!({
@@ -646,12 +645,11 @@ mod tests {
                 "nodes": [{"camera": 0}],
                 "cameras": [camera],
             });
-            std::fs::write(&path, gltf.to_string()).unwrap();
+            let path = folder.write("scene.gltf", gltf.to_string());
             SceneSource::Named(path.display().to_string())
                 .fingerprint(&Settings::default())
                 .unwrap()
         });
         assert_ne!(keys[0], keys[1]);
-        std::fs::remove_dir_all(folder).unwrap();
     }
 }

@@ -309,23 +309,17 @@ impl InfoOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::folders::Folder;
 
     #[test]
     fn nothing_that_is_read_is_written_over() {
-        let folder = std::env::temp_dir().join(format!("stereolux-inputs-{}", std::process::id()));
+        let folder = Folder::new("inputs");
         let at = |name: &str| folder.join(name);
         std::fs::create_dir_all(at("out")).unwrap();
-        for name in ["walk.jsonl", "out/frame_0000_left.exr", "out/sky.exr"] {
-            std::fs::write(at(name), "").unwrap();
-        }
-        std::fs::write(at("hands.toml"), "[[left]]\n").unwrap();
-        std::fs::write(
-            at("old.jsonl"),
-            r#"{"format":"stereolux-trace","version":1}"#,
-        )
-        .unwrap();
-        let [trace, cleared, kept] =
-            ["walk.jsonl", "out/frame_0000_left.exr", "out/sky.exr"].map(at);
+        let [trace, cleared, kept] = ["walk.jsonl", "out/frame_0000_left.exr", "out/sky.exr"]
+            .map(|name| folder.write(name, ""));
+        folder.write("hands.toml", "[[left]]\n");
+        folder.write("old.jsonl", r#"{"format":"stereolux-trace","version":1}"#);
         let check = |input: &Path, record: Option<&Path>| {
             keeps_inputs(&[("--trace", input)], record, &at("out")).map_err(|e| e.to_string())
         };
@@ -356,6 +350,5 @@ mod tests {
         );
         let record = new.join("run.json");
         assert!(keeps_inputs(&[], Some(&record), &new).is_err());
-        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

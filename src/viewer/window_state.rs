@@ -124,11 +124,13 @@ impl WindowState {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::folders::Folder;
 
     #[test]
     fn what_is_saved_is_read_back_and_nonsense_is_not() {
-        let folder = std::env::temp_dir().join(format!("stereolux-state-{}", std::process::id()));
-        let path = folder.join("viewer.toml");
+        let folder = Folder::new("window-state");
+        // In a folder that is not there yet.
+        let path = folder.path().join("state").join("viewer.toml");
         assert_eq!(WindowState::load(&path), WindowState::default(), "none yet");
         let state = WindowState {
             size: [900.0, 700.0],
@@ -146,6 +148,5 @@ mod tests {
         assert_eq!(mended.layout, Layout::Left);
         std::fs::write(&path, "layout = \"upside-down\"").unwrap();
         assert_eq!(WindowState::load(&path), WindowState::default());
-        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use super::*;
 use crate::app::{App, AppError, FrameInput, Kept, SceneAlone, run_app_with};
+use crate::folders::Folder;
 use crate::images::read_image;
 use crate::xr::{Actions, HandScript};
 
@@ -128,10 +129,9 @@ fn pictures(app: &mut dyn App, out: &Path, more: &[&str]) -> [Vec<[f32; 3]>; 3] 
 
 #[test]
 fn a_hand_is_seen_replays_to_the_bit_and_lets_rays_through() {
-    let folder = std::env::temp_dir().join(format!("stereolux-hands-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let [hands, trace, out] = ["hands.toml", "trace.jsonl", "out"].map(|name| folder.join(name));
-    std::fs::write(&hands, format!("joints = true\n{SCRIPT}")).unwrap();
+    let folder = Folder::new("hands");
+    let hands = folder.write("hands.toml", format!("joints = true\n{SCRIPT}"));
+    let [trace, out] = ["trace.jsonl", "out"].map(|name| folder.join(name));
     let script = format!("--set=simulated.hands={}", hands.display());
     let record = format!("--record={}", trace.display());
     let recorded = ["--session=simulated", "--frames=3", &script, &record];
@@ -144,5 +144,4 @@ fn a_hand_is_seen_replays_to_the_bit_and_lets_rays_through() {
     // Their sheen is not compiled in, which takes one frame.
     let later = pictures(&mut Shows(1), &out, &[&*trace]);
     assert!(later[0] == without[0] && later[2] != without[2]);
-    std::fs::remove_dir_all(&folder).unwrap();
 }

@@ -1,4 +1,5 @@
 use super::*;
+use crate::folders::Folder;
 use crate::settings::Reuse;
 
 #[test]
@@ -81,25 +82,22 @@ fn plan() -> GroupPlan {
 
 /// Works `with` a lab in an empty folder.
 fn lab<T>(name: &str, max_samples: u32, with: impl FnOnce(&mut Lab<'_>) -> T) -> T {
-    let out = std::env::temp_dir().join(format!("stereolux-{}-{name}", std::process::id()));
-    std::fs::create_dir_all(&out).unwrap();
+    let out = Folder::new(name);
     let machine = Machine::default();
     let settings = Settings::default();
     let library = ShaderLibrary::embedded();
     let mut silent = Silent;
     let mut lab = Lab {
-        out: &out,
+        out: out.path(),
         settings: &settings,
         machine: machine.clone(),
         library: library.clone(),
         journal: Journal::open(&out.join("journal.jsonl")).unwrap(),
-        references: References::open(&out, max_samples, library, machine),
+        references: References::open(out.path(), max_samples, library, machine),
         progress: &mut silent,
         known: Known::default(),
     };
-    let result = with(&mut lab);
-    std::fs::remove_dir_all(&out).unwrap();
-    result
+    with(&mut lab)
 }
 
 #[test]
