@@ -12,8 +12,8 @@ use stereolux::gpu::spirv::module_words;
 use stereolux::gpu::{CompiledShader, ShaderFeatures, ShaderLibrary};
 use stereolux::renderer::{PlannedScene, plan_of_scene};
 use stereolux::{
-    AlphaMode, Environment, Filter, Method, RenderSettings, Scene, Texture, TextureImage,
-    TextureRef, Wrap, load_environment,
+    AlphaMode, Environment, Method, RenderSettings, Scene, Texture, TextureImage, TextureRef,
+    load_environment,
 };
 
 stereolux_base::words! {
@@ -75,17 +75,8 @@ fn like_helmet() -> Result<Scene> {
         height: 1,
         rgba8: vec![128, 128, 255, 255],
     }];
-    scene.textures = vec![Texture {
-        image: 0,
-        wrap_u: Wrap::Repeat,
-        wrap_v: Wrap::Repeat,
-        filter: Filter::Linear,
-    }];
-    let map = Some(TextureRef {
-        texture: 0,
-        uv_set: 0,
-        texcoord_from_uv: TextureRef::IDENTITY,
-    });
+    scene.textures = vec![Texture::default()];
+    let map = Some(TextureRef::plain(0));
     for material in &mut scene.materials {
         material.metallic = 1.0;
         // A visor.

@@ -17,6 +17,16 @@ pub struct TextureRef {
 impl TextureRef {
     /// The transform that leaves coordinates as they are.
     pub const IDENTITY: [f32; 6] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
+    /// A texture by the first set of coordinates as they are.
+    #[must_use]
+    pub const fn plain(texture: u32) -> Self {
+        Self {
+            texture,
+            uv_set: 0,
+            texcoord_from_uv: Self::IDENTITY,
+        }
+    }
 }
 
 /// How the alpha of the base colour is read (glTF 2.0, section 3.9.4).

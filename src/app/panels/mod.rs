@@ -118,11 +118,7 @@ impl PanelSpec {
             meshes: vec![mesh],
             materials: vec![Material {
                 emission: [self.radiance; 3],
-                emissive_texture: Some(TextureRef {
-                    texture: 0,
-                    uv_set: 0,
-                    texcoord_from_uv: TextureRef::IDENTITY,
-                }),
+                emissive_texture: Some(TextureRef::plain(0)),
                 ..Material::lambert(&self.name, [0.0; 3])
             }],
             textures: vec![Texture {

@@ -184,11 +184,7 @@ mod tests {
     fn special_ior_reflects_everything_and_missing_textures_are_none() {
         let material = packed(scene::Material {
             ior: 0.0,
-            base_color_texture: Some(TextureRef {
-                texture: 7,
-                uv_set: 0,
-                texcoord_from_uv: TextureRef::IDENTITY,
-            }),
+            base_color_texture: Some(TextureRef::plain(7)),
             ..scene::Material::default()
         });
         let ratio = (material.ior - 1.0) / (material.ior + 1.0);

@@ -5,9 +5,7 @@ use stereolux::gpu::ShaderLibrary;
 use stereolux::images::{Image, aces_filmic, luminance};
 use stereolux::metrics::{binocular_error, error_image};
 use stereolux::renderer::{Eye, InstanceId, Renderer};
-use stereolux::scene::{
-    self, Filter, Instance, Material, Mesh, Node, Scene, Texture, TextureRef, Wrap,
-};
+use stereolux::scene::{self, Filter, Instance, Material, Mesh, Node, Scene, Texture, TextureRef};
 use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
@@ -575,11 +573,7 @@ fn board(colors: [[u8; 3]; 2]) -> Scene {
             Material {
                 metallic: 0.0,
                 roughness: 0.3,
-                base_color_texture: Some(TextureRef {
-                    texture: 0,
-                    uv_set: 0,
-                    texcoord_from_uv: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
-                }),
+                base_color_texture: Some(TextureRef::plain(0)),
                 ..Material::default()
             },
             Material {
@@ -594,10 +588,8 @@ fn board(colors: [[u8; 3]; 2]) -> Scene {
             rgba8: texels.collect(),
         }],
         textures: vec![Texture {
-            image: 0,
-            wrap_u: Wrap::Repeat,
-            wrap_v: Wrap::Repeat,
             filter: Filter::Nearest,
+            ..Texture::default()
         }],
         ..Scene::default()
     }
@@ -718,11 +710,7 @@ fn smudges_leave_what_a_mirror_shows_as_bright() {
         ..scene.textures[0]
     });
     scene.materials[2].roughness = 1.0;
-    scene.materials[2].metallic_roughness_texture = Some(TextureRef {
-        texture: 1,
-        uv_set: 0,
-        texcoord_from_uv: TextureRef::IDENTITY,
-    });
+    scene.materials[2].metallic_roughness_texture = Some(TextureRef::plain(1));
     let views = parallel_views(Pose::IDENTITY, IPD_M, square_fov(30.0));
     let settings = filtered(Reuse::Off, |_| {});
     // Of red and of blue light.

@@ -4,7 +4,7 @@
 use glam::{DQuat, DVec3};
 use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::Eye;
-use stereolux::scene::{AlphaMode, Filter, Image, Material, Scene, Texture, TextureRef, Wrap};
+use stereolux::scene::{AlphaMode, Image, Material, Scene, Texture, TextureRef};
 use stereolux::settings::{Eyes, Method, Reuse};
 use stereolux::xr::{Pose, View};
 
@@ -36,9 +36,7 @@ fn sheet(material: Material, turn: DQuat, texel: impl Fn(u32, u32) -> [u8; 4]) -
     });
     scene.textures.push(Texture {
         image: scene.images.len() as u32 - 1,
-        wrap_u: Wrap::Repeat,
-        wrap_v: Wrap::Repeat,
-        filter: Filter::Linear,
+        ..Texture::default()
     });
     let [u, v] = [DVec3::X, DVec3::Y].map(|axis| turn * axis);
     let middle = head.position + head.orientation * DVec3::NEG_Z * 0.8;
@@ -54,11 +52,7 @@ fn sheet(material: Material, turn: DQuat, texel: impl Fn(u32, u32) -> [u8; 4]) -
 }
 
 fn on_top(of: &Scene) -> Option<TextureRef> {
-    Some(TextureRef {
-        texture: of.textures.len() as u32,
-        uv_set: 0,
-        texcoord_from_uv: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
-    })
+    Some(TextureRef::plain(of.textures.len() as u32))
 }
 
 fn cases() -> Vec<(&'static str, Scene, [View; 2])> {

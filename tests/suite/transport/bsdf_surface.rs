@@ -104,19 +104,13 @@ fn solid_scene(texel: [u8; 4]) -> Scene {
 }
 
 fn texture_ref(texture: u32) -> Option<TextureRef> {
-    Some(TextureRef {
-        texture,
-        uv_set: 0,
-        texcoord_from_uv: TextureRef::IDENTITY,
-    })
+    Some(TextureRef::plain(texture))
 }
 
 fn texture(image: u32) -> Texture {
     Texture {
         image,
-        wrap_u: Wrap::Repeat,
-        wrap_v: Wrap::Repeat,
-        filter: Filter::Linear,
+        ..Texture::default()
     }
 }
 

@@ -22,11 +22,7 @@ fn scene() -> Scene {
         quad(corner, 2.0 * half_m * DVec3::X, 2.0 * half_m * y)
     };
     let mut shining = glowing([EMISSION; 3]);
-    shining.emissive_texture = Some(TextureRef {
-        texture: 0,
-        uv_set: 0,
-        texcoord_from_uv: TextureRef::IDENTITY,
-    });
+    shining.emissive_texture = Some(TextureRef::plain(0));
     let texel = |i| if i == 3 { [255; 4] } else { [0, 0, 0, 255] };
     let mut scene = Scene {
         images: vec![Image {

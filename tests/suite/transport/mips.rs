@@ -8,7 +8,7 @@ use glam::{DAffine3, DQuat, DVec3};
 use stereolux::gpu::Resources;
 use stereolux::renderer::Eye;
 use stereolux::renderer::packing::sample_image;
-use stereolux::scene::{AlphaMode, Filter, Image, Material, Scene, Texture, TextureRef, Wrap};
+use stereolux::scene::{AlphaMode, Image, Material, Scene, Texture, TextureRef};
 use stereolux::settings::{Method, Mips, Reuse};
 use stereolux::xr::Pose;
 
@@ -53,18 +53,12 @@ fn textured(texel: impl Fn(u32, u32) -> [u8; 4], size: u32, scale: f32) -> (Scen
             height: size,
             rgba8: bytes.collect(),
         }],
-        textures: vec![Texture {
-            image: 0,
-            wrap_u: Wrap::Repeat,
-            wrap_v: Wrap::Repeat,
-            filter: Filter::Linear,
-        }],
+        textures: vec![Texture::default()],
         ..Scene::default()
     };
     let reference = TextureRef {
-        texture: 0,
-        uv_set: 0,
         texcoord_from_uv: [scale, 0.0, 0.0, 0.0, scale, 0.0],
+        ..TextureRef::plain(0)
     };
     (scene, reference)
 }

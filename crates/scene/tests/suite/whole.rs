@@ -1,8 +1,6 @@
 //! Scenes made in code: what does not hold together is said, with its list and number.
 
-use stereolux_scene::{
-    Image, LightKind, Material, PunctualLight, Scene, Texture, TextureRef, Wrap,
-};
+use stereolux_scene::{Image, LightKind, Material, PunctualLight, Scene, Texture, TextureRef};
 
 #[test]
 fn scenes_of_all_kinds_hold_together() {
@@ -51,11 +49,7 @@ fn every_fault_names_its_list_and_number() {
             s.meshes[0].normals.truncate(3);
         }),
         ("materials[1] names texture 7", |s| {
-            s.materials[1].base_color_texture = Some(TextureRef {
-                texture: 7,
-                uv_set: 0,
-                texcoord_from_uv: TextureRef::IDENTITY,
-            });
+            s.materials[1].base_color_texture = Some(TextureRef::plain(7));
         }),
         ("materials[0] emits [-1.0", |s| {
             s.materials[0] = Material {
@@ -66,9 +60,7 @@ fn every_fault_names_its_list_and_number() {
         ("textures[0] names image 5", |s| {
             s.textures.push(Texture {
                 image: 5,
-                wrap_u: Wrap::Repeat,
-                wrap_v: Wrap::Repeat,
-                filter: stereolux_scene::Filter::Linear,
+                ..Texture::default()
             });
         }),
         ("images[0] is 2x2 and has 3 bytes", |s| {

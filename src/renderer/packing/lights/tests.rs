@@ -318,9 +318,8 @@ fn textured(white: usize, uv_scale: f32) -> Scene {
         filter: Filter::Nearest,
     });
     scene.materials[1].emissive_texture = Some(TextureRef {
-        texture: 0,
-        uv_set: 0,
         texcoord_from_uv: [uv_scale, 0.0, 0.0, 0.0, uv_scale, 0.0],
+        ..TextureRef::plain(0)
     });
     scene
 }

@@ -2,11 +2,7 @@ use super::*;
 use crate::scene::{Image, Mesh, MeshTriangle, Node, TextureRef};
 
 fn reference(texture: u32) -> Option<TextureRef> {
-    Some(TextureRef {
-        texture,
-        uv_set: 0,
-        texcoord_from_uv: TextureRef::IDENTITY,
-    })
+    Some(TextureRef::plain(texture))
 }
 
 fn image(name: &str, width: u32, height: u32) -> Image {

@@ -86,11 +86,7 @@ pub fn write() -> Result<Vec<u8>, SceneError> {
 fn palette(glb: &mut GlbWriter) -> Result<Palette, SceneError> {
     let mut texture = |name: &str, picture: RgbImage, wrap: Wrap| {
         let texture = glb.texture(name, &picture, wrap)?;
-        Ok::<_, SceneError>(Some(TextureRef {
-            texture,
-            uv_set: 0,
-            texcoord_from_uv: TextureRef::IDENTITY,
-        }))
+        Ok::<_, SceneError>(Some(TextureRef::plain(texture)))
     };
     let floor = texture("marble floor", paint::marble_floor(512), Wrap::Repeat)?;
     let carpet = texture("carpet", paint::carpet(256), Wrap::Repeat)?;
