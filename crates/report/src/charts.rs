@@ -5,7 +5,6 @@ use std::collections::BTreeSet;
 use crate::analysis::{Analysis, FillCost, Growth, ParetoScene, grouped};
 use crate::plot::{Chart, Mark, Point, Reading, Series};
 use crate::records::{BOX_WIDTH_IN_TABLE_UNITS, Machine, Row};
-use crate::statistics::Estimate;
 
 /// A scene's name as part of a file name.
 pub fn file_name(text: &str) -> String {
@@ -87,10 +86,6 @@ fn number(row: &Row, factor: &str) -> Option<Reading> {
 
 fn time(row: &Row, group: &str) -> Option<Reading> {
     row.timing.ms.get(group).map(Reading::of)
-}
-
-fn estimate(estimate: Estimate) -> Reading {
-    Reading::estimated(estimate.value, estimate.standard_error)
 }
 
 fn chart(stem: String, title: String, axes: [&str; 2], log: bool, series: Vec<Series>) -> Named {
@@ -181,8 +176,8 @@ fn pareto(rows: &[&Row], scene: &ParetoScene) -> [Named; 2] {
     };
     let by_rel_mse = scene.front.iter().map(|point| &point.key).collect();
     let by_flip = scene.flip_front.iter().collect();
-    let rel_mse: Figure = |row| row.errors.get("left")?.rel_mse.map(estimate);
-    let flip: Figure = |row| row.errors.get("left")?.flip.map(estimate);
+    let rel_mse: Figure = |row| Some(row.errors.get("left")?.rel_mse?.into());
+    let flip: Figure = |row| Some(row.errors.get("left")?.flip?.into());
     [
         draw("pareto", "relative MSE", rel_mse, by_rel_mse),
         draw("pareto_flip", "FLIP", flip, by_flip),
@@ -199,15 +194,10 @@ fn bias(rows: &[&Row]) -> Vec<Named> {
     });
     let quantities: [(&str, &str, Figure); 2] = [
         ("bias", "squared bias of a frame", |row| {
-            let found = row.errors.get("left")?.bias_variance?;
-            Some(Reading::estimated(
-                found.bias_squared,
-                found.bias_squared_se,
-            ))
+            Some(row.errors.get("left")?.bias_squared()?.into())
         }),
         ("variance", "variance of a frame", |row| {
-            let found = row.errors.get("left")?.bias_variance?;
-            Some(Reading::estimated(found.variance, found.variance_se))
+            Some(row.errors.get("left")?.variance()?.into())
         }),
     ];
     let setting = |row: &Row| {

@@ -349,22 +349,8 @@ fn pareto_scene(rows: &[&Row], scene: &ParetoScene) -> String {
         .with("eye, ms", |row| optional(row.ms("left")))
         .with("relMSE", |row| rel_mse(row, "left"))
         .with("FLIP", |row| left(row, |errors| errors.flip))
-        .with("squared bias", |row| {
-            left(row, |errors| {
-                errors.bias_variance.map(|found| Estimate {
-                    value: found.bias_squared,
-                    standard_error: found.bias_squared_se,
-                })
-            })
-        })
-        .with("variance", |row| {
-            left(row, |errors| {
-                errors.bias_variance.map(|found| Estimate {
-                    value: found.variance,
-                    standard_error: found.variance_se,
-                })
-            })
-        })
+        .with("squared bias", |row| left(row, RegionErrors::bias_squared))
+        .with("variance", |row| left(row, RegionErrors::variance))
         .with("error of the mean", |row| {
             left(row, |errors| errors.mean_rel_bias)
         })

@@ -12,7 +12,7 @@ use plotters::prelude::*;
 use plotters::style::register_font;
 
 use crate::lettering::Lettered;
-use crate::statistics::Spread;
+use crate::statistics::{Estimate, Spread};
 
 /// Width and height of a plot in pixels, its legend apart.
 const SIZE: [u32; 2] = [960, 620];
@@ -61,10 +61,16 @@ impl Reading {
             bar: Some([spread.lower_quartile, spread.upper_quartile]),
         }
     }
+}
 
-    /// An estimate, and a bar one standard error to either side.
-    #[must_use]
-    pub fn estimated(value: f64, standard_error: Option<f64>) -> Self {
+/// An estimate, and a bar one standard error to either side.
+impl From<Estimate> for Reading {
+    fn from(
+        Estimate {
+            value,
+            standard_error,
+        }: Estimate,
+    ) -> Self {
         Self {
             value,
             bar: standard_error.map(|error| [value - error, value + error]),

@@ -98,6 +98,24 @@ impl RegionErrors {
     pub fn is_settled(&self) -> bool {
         self.reference_settled || self.rel_mse.is_none_or(|error| error.value == 0.0)
     }
+
+    /// Squared bias.
+    #[must_use]
+    pub fn bias_squared(&self) -> Option<Estimate> {
+        self.bias_variance.map(|found| Estimate {
+            value: found.bias_squared,
+            standard_error: found.bias_squared_se,
+        })
+    }
+
+    /// Variance of a frame.
+    #[must_use]
+    pub fn variance(&self) -> Option<Estimate> {
+        self.bias_variance.map(|found| Estimate {
+            value: found.variance,
+            standard_error: found.variance_se,
+        })
+    }
 }
 
 /// Stereo reuse of a row, medians over the rounds.
