@@ -495,14 +495,16 @@ fn smallest_error(frames: &[Frame], eye: usize, reference: &Reference) -> Result
     Ok(smallest)
 }
 
+/// The head that sways in every suite, from `start` on.
+pub(super) fn swaying(headset: &Headset, start: Pose, frames: u32) -> SimulatedSession {
+    let frames = Some(u64::from(frames));
+    SimulatedSession::new(headset.clone(), Motion::Sway, start, frames).with_seed(1)
+}
+
 /// Records a swaying head as a native trace and returns the views as the replay gives them.
 fn recorded_sway(path: &Path, plan: &GroupPlan, start: Pose) -> Result<Vec<[View; 2]>, XrError> {
-    let frames = u64::from(plan.rounds);
-    let sway =
-        SimulatedSession::new(plan.headset.clone(), Motion::Sway, start, Some(frames)).with_seed(1);
-    let mut recorder = Recorder::create(path, Box::new(sway))?;
-    all_frames(&mut recorder, usize::MAX)?;
-    drop(recorder);
+    let sway = Box::new(swaying(&plan.headset, start, plan.rounds));
+    all_frames(&mut Recorder::create(path, sway)?, usize::MAX)?;
     let options = ReplayOptions::new(plan.headset.clone(), start);
     let replayed = all_frames(&mut ReplaySession::open(path, options)?, usize::MAX)?;
     Ok(replayed.into_iter().map(|(_, views)| views).collect())

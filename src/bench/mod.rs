@@ -95,12 +95,13 @@ pub enum BenchError {
     Interrupted,
 }
 
-/// The scenes that `--scene` names, or the two by which a frame is judged.
-fn scenes_or_two(options: &BenchOptions) -> Vec<String> {
+/// The scenes by which a frame is judged unless others are named.
+const JUDGED_BY: [&str; 2] = ["builtin:cornell", "builtin:gallery"];
+
+/// The scenes that `--scene` names, or others.
+fn scenes_or(options: &BenchOptions, others: &[&str]) -> Vec<String> {
     match options.scenes.as_slice() {
-        [] => ["builtin:cornell", "builtin:gallery"]
-            .map(str::to_owned)
-            .into(),
+        [] => others.iter().map(|&name| name.to_owned()).collect(),
         named => named.to_vec(),
     }
 }

@@ -9,6 +9,7 @@ use stereolux_report::motion::{MotionRow, files};
 use stereolux_report::statistics::spread;
 
 use super::correspondence::{left_from_right, pixel_at};
+use super::measure::swaying;
 use super::paired_references::{
     References, binocular_square, change_square, differences, mean_product, relative_square,
 };
@@ -16,8 +17,8 @@ use super::reference::{self, PixelFilter, ReferenceSpec};
 use super::scenes::SceneSource;
 use super::suites::framing_headset;
 use super::{
-    BenchError, BenchProgress, Outcome, circumstances, clock, go_on, make_folder,
-    references_folder, scenes_or_two, suites, write_table,
+    BenchError, BenchProgress, JUDGED_BY, Outcome, circumstances, clock, go_on, make_folder,
+    references_folder, scenes_or, suites, write_table,
 };
 use crate::gpu::timing::milliseconds_since;
 use crate::gpu::{GpuContext, ShaderLibrary};
@@ -27,7 +28,7 @@ use crate::renderer::{Eye, Renderer};
 use crate::scene::Scene;
 use crate::settings::{Choice as _, Eyes, Kept, Method, RenderSettings, Settings, Tone};
 use crate::tone::shown;
-use crate::xr::{Headset, Motion, SimulatedSession, View, all_frames};
+use crate::xr::{Headset, View, all_frames};
 
 /// Pixels per eye without `--size`.
 const SIZE: [u32; 2] = [96, 96];
@@ -137,7 +138,7 @@ pub(super) fn run(
     let halves = open(most / 2);
     let samples = 2 * halves.most_samples(PixelFilter::Box);
     let mut rows = Vec::new();
-    for name in scenes_or_two(options) {
+    for name in scenes_or(options, &JUDGED_BY) {
         let source = SceneSource::Named(name.clone());
         let scene = source.load(settings)?;
         let fingerprint = source.fingerprint(settings)?;
@@ -302,10 +303,7 @@ fn truth_of(
 
 /// Views of a swaying head that begins where the scene does.
 fn sway(headset: &Headset, scene: &Scene, frames: u32) -> Result<Vec<[View; 2]>, BenchError> {
-    let start = scene.start_pose();
-    let frames = Some(u64::from(frames));
-    let mut session =
-        SimulatedSession::new(headset.clone(), Motion::Sway, start, frames).with_seed(1);
+    let mut session = swaying(headset, scene.start_pose(), frames);
     let frames = all_frames(&mut session, usize::MAX)?;
     Ok(frames.into_iter().map(|(_, views)| views).collect())
 }

@@ -552,6 +552,17 @@ mod tests {
         assert!(source.check(&settings).is_err());
     }
 
+    fn assert_faces_look_where_normals_point(scene: &Scene) {
+        for mesh in &scene.meshes {
+            for triangle in &mesh.triangles {
+                let [a, b, c] = mesh.corners(triangle);
+                let shading = mesh.normals[triangle.vertices[0] as usize].map(f64::from);
+                let cosine = (b - a).cross(c - a).dot(DVec3::from_array(shading));
+                assert!(cosine > 0.0, "{}", mesh.name);
+            }
+        }
+    }
+
     #[test]
     fn the_shaded_lamp_is_hidden_from_the_room() {
         let scene = open(INDIRECT_SCENE, &Settings::default()).unwrap();
@@ -574,14 +585,7 @@ mod tests {
         let rise_per_metre = (rim - lamp) / across;
         let ceiling = 2.6;
         assert!((ceiling - rim) / rise_per_metre < 0.35, "{rise_per_metre}");
-        for mesh in &scene.meshes {
-            for triangle in &mesh.triangles {
-                let [a, b, c] = mesh.corners(triangle);
-                let normal = (b - a).cross(c - a);
-                let shading = mesh.normals[triangle.vertices[0] as usize].map(f64::from);
-                assert!(normal.dot(DVec3::from_array(shading)) > 0.0);
-            }
-        }
+        assert_faces_look_where_normals_point(&scene);
         // The lamp looks up.
         assert!(emitter.normals[0][1] > 0.99);
         assert!(
@@ -594,18 +598,7 @@ mod tests {
     #[test]
     fn faces_look_where_their_normals_point() {
         let scene = Generated::default().scene();
-        for mesh in &scene.meshes {
-            for triangle in &mesh.triangles {
-                let [a, b, c] = mesh.corners(triangle);
-                let normal = (b - a).cross(c - a);
-                let shading = mesh.normals[triangle.vertices[0] as usize].map(f64::from);
-                assert!(
-                    normal.dot(DVec3::from_array(shading)) > 0.0,
-                    "{}",
-                    mesh.name
-                );
-            }
-        }
+        assert_faces_look_where_normals_point(&scene);
         // The boxes stand inside of the room.
         let bounds = scene.bounds_in_world().unwrap();
         assert!(bounds.size().x <= 2.0 * HALF_FLOOR_M + 1e-9);

@@ -6,7 +6,9 @@ use std::mem::offset_of;
 use stereolux_report::work::{WorkRow, files};
 
 use super::scenes::SceneSource;
-use super::{BenchError, BenchProgress, Outcome, circumstances, go_on, scenes_or_two, write_table};
+use super::{
+    BenchError, BenchProgress, JUDGED_BY, Outcome, circumstances, go_on, scenes_or, write_table,
+};
 use crate::bvh::records::{BvhNode, Triangle};
 use crate::frame::work::Dispatched;
 use crate::gpu::{GpuContext, ShaderFeatures, ShaderLibrary};
@@ -37,7 +39,7 @@ pub(super) fn run(
     let counted = settings.size.unwrap_or(SIZE);
     let device = GpuContext::open(Some(&settings.adapter))?;
     let mut rows: Vec<WorkRow> = Vec::new();
-    for name in scenes_or_two(options) {
+    for name in scenes_or(options, &JUDGED_BY) {
         for method in [Method::Photon, Method::Path] {
             go_on()?;
             progress.says(&format!("{name}: {}", method.word()));

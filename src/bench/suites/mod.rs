@@ -9,10 +9,10 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-use super::BenchError;
 use super::instance_motion::InstanceMotion;
 use super::measure::{Candidate, GroupPlan, ViewPlan};
 use super::scenes::SceneSource;
+use super::{BenchError, scenes_or};
 use crate::options::{BenchOptions, Suite};
 use crate::scene::Scene;
 use crate::settings::{Eyes, RenderSettings, Settings};
@@ -134,11 +134,7 @@ fn base(options: &BenchOptions) -> SuiteBase {
         }
     };
     SuiteBase {
-        scenes: if options.scenes.is_empty() {
-            default_scenes.iter().map(|&name| name.to_owned()).collect()
-        } else {
-            options.scenes.clone()
-        },
+        scenes: scenes_or(options, default_scenes),
         settings,
         size,
         rounds: options.rounds.unwrap_or(pick(ROUNDS, SMOKE_ROUNDS)),
