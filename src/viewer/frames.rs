@@ -11,7 +11,7 @@ use crate::settings::{Eyes, Settings, Tone};
 use crate::xr::View;
 
 /// What is shown of a frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ViewMode {
     /// The picture.
     #[default]

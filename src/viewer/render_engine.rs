@@ -552,7 +552,7 @@ pub fn library(settings: &Settings) -> Result<ShaderLibrary, EngineError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::Tone;
+    use crate::settings::{Method, RenderSettings, Tone};
     use crate::viewer::reference::{self, FIRST_FRAME};
 
     #[test]
@@ -568,28 +568,39 @@ mod tests {
         assert!(!same_renderer(&base, &other));
     }
 
-    #[test]
-    fn a_place_of_the_picture_has_the_radiance_of_its_pixel() {
-        let scene = Scene::builtin("cornell").unwrap();
+    /// The picture from where a scene's head starts, by paths.
+    fn wanted(
+        scene: &Scene,
+        rendered: Eyes,
+        size: [u32; 2],
+        change: impl FnOnce(&mut RenderSettings),
+    ) -> Wanted {
         let mut settings = Settings::default();
-        settings.render.method = crate::settings::Method::Path;
-        settings.render.output.exposure = 2.0;
-        settings.render.output.tone = Tone::Neutral;
-        let settings = Arc::new(settings);
+        settings.render.method = Method::Path;
+        change(&mut settings.render);
         let headset = crate::xr::Headset::load(&settings.headset).unwrap();
-        let views = headset.views_from_head(&scene.start_pose());
-        let size = [12, 8];
-        let wanted = Wanted {
+        Wanted {
             number: 0,
-            settings: Arc::clone(&settings),
+            settings: Arc::new(settings),
             other: None,
-            views,
-            rendered: Eyes::Right,
+            views: headset.views_from_head(&scene.start_pose()),
+            rendered,
             scene_time_ns: None,
             size,
             view_mode: ViewMode::Picture,
             stands: false,
-        };
+        }
+    }
+
+    #[test]
+    fn a_place_of_the_picture_has_the_radiance_of_its_pixel() {
+        let scene = Scene::builtin("cornell").unwrap();
+        let size = [12, 8];
+        let wanted = wanted(&scene, Eyes::Right, size, |render| {
+            render.output.exposure = 2.0;
+            render.output.tone = Tone::Neutral;
+        });
+        let settings = Arc::clone(&wanted.settings);
         let mut engine = RenderEngine::new(scene, Arc::new(|_: &str| true));
         engine.prepare(&settings, Eyes::Right, size).unwrap();
         let place = PicturePlace {
@@ -624,23 +635,9 @@ mod tests {
     #[test]
     fn what_an_animation_has_moved_is_back_once_it_is_stopped() {
         let scene = Scene::builtin("parade").unwrap();
-        let mut settings = Settings::default();
-        settings.render.method = crate::settings::Method::Path;
-        settings.render.path.max_depth = 1;
-        let settings = Arc::new(settings);
-        let headset = crate::xr::Headset::load(&settings.headset).unwrap();
         let size = [24, 24];
-        let mut wanted = Wanted {
-            number: 0,
-            settings: Arc::clone(&settings),
-            other: None,
-            views: headset.views_from_head(&scene.start_pose()),
-            rendered: Eyes::Left,
-            scene_time_ns: None,
-            size,
-            view_mode: ViewMode::Picture,
-            stands: false,
-        };
+        let mut wanted = wanted(&scene, Eyes::Left, size, |render| render.path.max_depth = 1);
+        let settings = Arc::clone(&wanted.settings);
         let mut engine = RenderEngine::new(scene.clone(), Arc::new(|_: &str| true));
         engine.prepare(&settings, Eyes::Left, size).unwrap();
         let mut reference = engine.beside(scene);

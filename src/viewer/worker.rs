@@ -9,6 +9,7 @@
 //! averaged there. A frame is given up between its passes once something else is asked for ([`super::pressure`]); what is
 //! seen at once is the window's own ([`super::sketch`]).
 
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -134,7 +135,7 @@ impl Worker {
                     answered: 0,
                     full_frames: 0,
                     stocked: Vec::new(),
-                    costs: Vec::new(),
+                    costs: HashMap::new(),
                     changes: 0,
                     is_stopped: false,
                     device_bytes: 0,
@@ -288,7 +289,7 @@ struct Inner {
     /// Views of what is shown that the window has been given, or that there are none of.
     stocked: Vec<Inspection>,
     /// Milliseconds per pixel of frames without tracing photons, by view and whether there are other settings.
-    costs: Vec<(ViewMode, bool, f64)>,
+    costs: HashMap<(ViewMode, bool), f64>,
     /// Scenes and edits so far.
     changes: u64,
     /// Asked to stop, and nothing has changed since.
@@ -422,10 +423,8 @@ impl Inner {
     }
 
     fn wanted(&self) -> Wanted {
-        self.wanted
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        let wanted = self.wanted.lock();
+        wanted.unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// One turn: makes what is missing, renders a frame, says so.
@@ -695,21 +694,15 @@ impl Inner {
     }
 
     fn cost(&self, wanted: &Wanted) -> Option<f64> {
-        let has_other = wanted.other.is_some();
-        let mut known = self.costs.iter();
-        known
-            .find(|(mode, other, _)| *mode == wanted.view_mode && *other == has_other)
-            .map(|(_, _, cost)| *cost)
+        let key = (wanted.view_mode, wanted.other.is_some());
+        self.costs.get(&key).copied()
     }
 
     /// Takes what a frame cost into account, milliseconds per pixel; the estimate forgets old ones soon.
     fn note_cost(&mut self, wanted: &Wanted, cost: f64) {
         let mean = self.cost(wanted).map_or(cost, |old| 0.5 * (old + cost));
-        let has_other = wanted.other.is_some();
-        let is_of =
-            |known: &(ViewMode, bool, f64)| known.0 == wanted.view_mode && known.1 == has_other;
-        self.costs.retain(|known| !is_of(known));
-        self.costs.push((wanted.view_mode, has_other, mean));
+        let key = (wanted.view_mode, wanted.other.is_some());
+        self.costs.insert(key, mean);
     }
 
     /// How much smaller frames have to be for the view to follow the hand.
@@ -738,11 +731,9 @@ impl Inner {
     }
 
     fn is_finished(&self, wanted: &Wanted) -> bool {
-        let reference_done = wanted.view_mode != ViewMode::Error
-            || self
-                .reference
-                .as_ref()
-                .is_some_and(|reference| reference.frames() >= MOST_FRAMES);
+        let is_whole = |reference: &RenderEngine| reference.frames() >= MOST_FRAMES;
+        let reference_done =
+            wanted.view_mode != ViewMode::Error || self.reference.as_ref().is_some_and(is_whole);
         let frames = self.engine.frames().max(self.full_frames);
         frames >= MOST_FRAMES && reference_done && self.screenshots.is_empty()
     }
