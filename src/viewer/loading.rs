@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
 
-use super::session::{Recording, is_trace};
+use super::session::Recording;
 use crate::limits::LoadBudget;
 use crate::scene::builtin::PREFIX;
 use crate::scene::{Environment, SceneError, load_environment_within};
@@ -128,23 +128,29 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// What a file holds, by the end of its name.
+    pub fn of_file(path: &Path) -> Option<Self> {
+        match path.extension()?.to_string_lossy().to_lowercase().as_str() {
+            "glb" | "gltf" => Some(Self::Scene),
+            "hdr" | "exr" => Some(Self::Environment),
+            "jsonl" | "csv" | "txt" | "tum" => Some(Self::Trace),
+            _ => None,
+        }
+    }
+
     /// What a file that somebody opens holds, by its name: `.gltf`, `.glb` and `builtin:NAME` are scenes.
     ///
     /// # Errors
     /// One line: the name says that nothing of use is in it.
     pub fn of(spec: &str) -> Result<Self, String> {
-        let extension = Path::new(spec)
-            .extension()
-            .map(|extension| extension.to_string_lossy().to_lowercase());
-        match extension.as_deref() {
-            _ if spec.starts_with(PREFIX) => Ok(Self::Scene),
-            Some("gltf" | "glb") => Ok(Self::Scene),
-            Some("hdr" | "exr") => Ok(Self::Environment),
-            _ if is_trace(Path::new(spec)) => Ok(Self::Trace),
-            _ => Err(format!(
-                "{spec}: is no scene (.gltf, .glb), environment (.hdr, .exr) or recording (.jsonl, .csv, .txt)"
-            )),
+        if spec.starts_with(PREFIX) {
+            return Ok(Self::Scene);
         }
+        Self::of_file(Path::new(spec)).ok_or_else(|| {
+            format!(
+                "{spec}: is no scene (.gltf, .glb), environment (.hdr, .exr) or recording (.jsonl, .csv, .txt)"
+            )
+        })
     }
 }
 

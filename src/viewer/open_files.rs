@@ -117,14 +117,12 @@ impl App {
 
     /// Begins to read a scene, an environment or a recording, by its name.
     pub fn open(&mut self, context: &Context, spec: String) {
-        let settings = Arc::clone(&self.settings);
-        self.open_with(context, spec, &settings, false);
+        self.open_with(context, spec, (*self.settings).clone(), false);
     }
 
     /// Begins to read a scene, though the one that is open has changes that are not saved.
     pub(super) fn open_in_place(&mut self, context: &Context, spec: String) {
-        let settings = Arc::clone(&self.settings);
-        self.open_with(context, spec, &settings, true);
+        self.open_with(context, spec, (*self.settings).clone(), true);
     }
 
     /// Begins to read the scene that was refused for naming files outside its folder, with them.
@@ -136,14 +134,14 @@ impl App {
     ) {
         let mut settings = (*self.settings).clone();
         settings.limits.allow_outside = true;
-        self.open_with(context, spec, &settings, may_lose_edits);
+        self.open_with(context, spec, settings, may_lose_edits);
     }
 
     fn open_with(
         &mut self,
         context: &Context,
         spec: String,
-        settings: &Settings,
+        mut settings: Settings,
         may_lose_edits: bool,
     ) {
         self.take_written(context);
@@ -164,7 +162,6 @@ impl App {
             self.asks = Some(Question::Open(spec));
             return;
         }
-        let mut settings = settings.clone();
         // What this window has saved is as large as it was shown.
         if self.has_written(Path::new(&spec)) {
             settings.scene_scale = 1.0;

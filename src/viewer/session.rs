@@ -1,6 +1,5 @@
 //! A recording that the window plays: views come from it in place of the head that is moved by hand.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use crate::xr::{View, XrError, XrSession, all_frames};
@@ -136,14 +135,6 @@ impl Player {
     pub fn views(&self) -> Option<[View; 2]> {
         self.recording.views(self.frame()).filter(|_| !self.is_left)
     }
-}
-
-/// Whether a dropped file is a recording by its name.
-pub fn is_trace(path: &Path) -> bool {
-    let extension = path
-        .extension()
-        .map(|extension| extension.to_string_lossy().to_lowercase());
-    matches!(extension.as_deref(), Some("jsonl" | "txt" | "csv" | "tum"))
 }
 
 #[cfg(test)]

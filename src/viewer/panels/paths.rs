@@ -8,6 +8,7 @@ use egui::text::CCursorRange;
 use egui::{Align2, Context, Key, ScrollArea, TextEdit, Window};
 
 use crate::viewer::app::App;
+use crate::viewer::loading::Kind;
 use crate::viewer::save_files::Saved;
 
 /// Entries that are offered at most.
@@ -38,12 +39,14 @@ impl Purpose {
         }
     }
 
-    /// Ends of the names of files that it is for.
-    fn extensions(self) -> &'static [&'static str] {
+    /// Whether files of such a name are what it is for.
+    fn is_for(self, path: &Path) -> bool {
         match self {
-            Self::Open => &["glb", "gltf", "hdr", "exr", "jsonl", "csv", "txt", "tum"],
-            Self::Save(Saved::Scene) => &["glb", "gltf"],
-            Self::Save(Saved::Settings) => &["toml"],
+            Self::Open => Kind::of_file(path).is_some(),
+            Self::Save(Saved::Scene) => Kind::of_file(path) == Some(Kind::Scene),
+            Self::Save(Saved::Settings) => path
+                .extension()
+                .is_some_and(|extension| extension.eq_ignore_ascii_case("toml")),
         }
     }
 }
@@ -110,8 +113,7 @@ fn entries(folder: &Path, purpose: Purpose) -> Vec<String> {
             if entry.path().is_dir() {
                 return (!is_hidden).then(|| name + "/");
             }
-            let extension = Path::new(&name).extension()?.to_str()?.to_lowercase();
-            (!is_hidden && purpose.extensions().contains(&extension.as_str())).then_some(name)
+            (!is_hidden && purpose.is_for(Path::new(&name))).then_some(name)
         })
         .collect();
     // Folders first.
