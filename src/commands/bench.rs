@@ -2,12 +2,13 @@
 
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use stereolux_report::rounds::Round;
 
 use super::Failure;
+use super::progress::show;
 use crate::bench::measure::GroupPlan;
 use crate::bench::{self, BenchError, BenchProgress, Outcome};
 use crate::interrupt;
@@ -81,10 +82,7 @@ struct Bar {
 impl Bar {
     fn new() -> Self {
         let bar = ProgressBar::new(0);
-        if let Ok(style) = ProgressStyle::with_template("{elapsed_precise} {wide_msg}") {
-            bar.set_style(style);
-        }
-        bar.enable_steady_tick(Duration::from_millis(250));
+        show(&bar, "{elapsed_precise} {wide_msg}");
         Self {
             bar,
             is_terminal: std::io::stderr().is_terminal(),
@@ -92,6 +90,11 @@ impl Bar {
             groups: [0; 2],
             frames: [0; 2],
         }
+    }
+
+    fn say(&self, plan: &GroupPlan, what: &str) {
+        let message = format!("{}: {}{what}", plan.suite, plan.name);
+        self.bar.set_message(message);
     }
 
     /// A line where there is no bar.
@@ -141,11 +144,10 @@ impl BenchProgress for Bar {
     fn planned(&mut self, suite: Suite, plans: &[GroupPlan], without_references_s: f64) {
         self.frames[1] = plans.iter().map(frames).sum();
         self.groups[1] = plans.len();
-        if let Ok(style) = ProgressStyle::with_template(
+        show(
+            &self.bar,
             "{elapsed_precise} {bar:24} {pos}/{len} {eta} left {wide_msg}",
-        ) {
-            self.bar.set_style(style);
-        }
+        );
         self.bar.set_length(self.frames[1]);
         let variants: usize = plans.iter().map(|plan| plan.candidates.len()).sum();
         let [_, groups] = self.groups;
@@ -161,21 +163,17 @@ impl BenchProgress for Bar {
     }
 
     fn began(&mut self, plan: &GroupPlan) {
-        self.bar
-            .set_message(format!("{}: {}: compiling", plan.suite, plan.name));
+        self.say(plan, ": compiling");
     }
 
     fn round(&mut self, plan: &GroupPlan, _round: Round) {
         self.bar.inc(plan.candidates.len() as u64);
-        self.bar
-            .set_message(format!("{}: {}", plan.suite, plan.name));
+        self.say(plan, "");
     }
 
     fn reference(&mut self, plan: &GroupPlan, done: u32, most: u32) {
-        self.bar.set_message(format!(
-            "{}: {}: reference, {done} of at most {most} samples",
-            plan.suite, plan.name
-        ));
+        let what = format!(": reference, {done} of at most {most} samples");
+        self.say(plan, &what);
     }
 
     fn finished(&mut self, plan: &GroupPlan) {

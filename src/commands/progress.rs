@@ -10,6 +10,14 @@ use crate::frame_loop::{FrameStats, LoopProgress};
 /// Time between two lines of progress where there is no terminal.
 const BETWEEN_LINES: Duration = Duration::from_secs(10);
 
+/// Shows a bar by a template, and keeps its clock going.
+pub(super) fn show(bar: &ProgressBar, template: &str) {
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar.enable_steady_tick(Duration::from_millis(250));
+}
+
 /// Progress on stderr: a bar on a terminal, else a line now and then.
 pub(super) struct Bar {
     bar: ProgressBar,
@@ -31,12 +39,7 @@ impl Bar {
             }
             None => ProgressBar::no_length(),
         };
-        if let Ok(style) =
-            ProgressStyle::with_template("{elapsed_precise} {wide_bar} {pos}/{len} {eta} {msg}")
-        {
-            bar.set_style(style);
-        }
-        bar.enable_steady_tick(Duration::from_millis(250));
+        show(&bar, "{elapsed_precise} {wide_bar} {pos}/{len} {eta} {msg}");
         let began = Instant::now();
         Self {
             bar,
