@@ -376,14 +376,24 @@ fn read_rate(path: &str, value: &Value) -> Result<f64, Fault> {
     within(number(path, value)?, range, " Hz").map_err(|what| Fault::new(path, what))
 }
 
-fn read_both_hidden(path: &str, value: &Value) -> Result<[HiddenArea; 2], Fault> {
+/// What each eye has.
+fn read_both<T>(
+    path: &str,
+    value: &Value,
+    wanted: &str,
+    read: fn(&str, &Value) -> Result<T, Fault>,
+) -> Result<[T; 2], Fault> {
     let Some([left, right]) = value.as_array().map(Vec::as_slice) else {
-        return Err(wrong_kind(path, value, "an array for two eyes"));
+        return Err(wrong_kind(path, value, wanted));
     };
     Ok([
-        read_hidden(&format!("{path}[0]"), left)?,
-        read_hidden(&format!("{path}[1]"), right)?,
+        read(&format!("{path}[0]"), left)?,
+        read(&format!("{path}[1]"), right)?,
     ])
+}
+
+fn read_both_hidden(path: &str, value: &Value) -> Result<[HiddenArea; 2], Fault> {
+    read_both(path, value, "an array for two eyes", read_hidden)
 }
 
 fn read_hidden(path: &str, value: &Value) -> Result<HiddenArea, Fault> {
@@ -495,14 +505,8 @@ fn read_quality(path: &str, value: &Value) -> Result<Quality, Fault> {
 }
 
 fn read_views(path: &str, value: &Value) -> Result<[View; 2], Fault> {
-    let Some([left, right]) = value.as_array().map(Vec::as_slice) else {
-        let wanted = "an array of two views, left and right";
-        return Err(wrong_kind(path, value, wanted));
-    };
-    Ok([
-        read_view(&format!("{path}[0]"), left)?,
-        read_view(&format!("{path}[1]"), right)?,
-    ])
+    let wanted = "an array of two views, left and right";
+    read_both(path, value, wanted, read_view)
 }
 
 fn read_view(path: &str, value: &Value) -> Result<View, Fault> {
