@@ -9,6 +9,7 @@ use stereolux::scene::{self, Filter, Instance, Material, Mesh, Node, Scene, Text
 use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
+use super::hard_support::{add, square_ahead};
 use super::layout::changed;
 use super::support::{
     assert_clean, bits, both, builtin, mean, method, parallel_views, placed, play, radiance,
@@ -818,38 +819,14 @@ fn highlights_on_textures_are_as_bright_as_they_were() {
 fn dark_lamps_keep_their_edges_with_several_samples() {
     const EMISSION: f32 = 8.0;
     const BASE: f32 = 0.1;
-    let square = |half_m: f32, z: f32, material| {
-        let corners = [
-            [-half_m, -half_m, z],
-            [half_m, -half_m, z],
-            [half_m, half_m, z],
-            [-half_m, half_m, z],
-        ];
-        let indices = [[0, 1, 2], [0, 2, 3]];
-        Mesh::plain(
-            corners.to_vec(),
-            vec![[0.0, 0.0, 1.0]; 4],
-            indices,
-            material,
-        )
+    let lamp = Material {
+        emission: [EMISSION; 3],
+        ..Material::lambert("lamp", [BASE; 3])
     };
-    let node = |mesh| Node {
-        mesh: Some(mesh),
-        ..Node::default()
-    };
-    let scene = Scene {
-        roots: vec![0, 1],
-        nodes: vec![node(0), node(1)],
-        meshes: vec![square(2.0, -2.0, 0), square(0.33, -1.97, 1)],
-        materials: vec![
-            Material::lambert("wall", [0.7; 3]),
-            Material {
-                emission: [EMISSION; 3],
-                ..Material::lambert("lamp", [BASE; 3])
-            },
-        ],
-        ..Scene::default()
-    };
+    let mut scene = Scene::default();
+    let wall = Material::lambert("wall", [0.7; 3]);
+    add(&mut scene, &square_ahead(2.0, 2.0), wall);
+    add(&mut scene, &square_ahead(0.33, 1.97), lamp);
     let views = parallel_views(Pose::IDENTITY, IPD_M, square_fov(45.0));
     let settings = filtered(Reuse::Off, |settings| settings.spp = 4);
     let picture = |library: &ShaderLibrary| {

@@ -319,6 +319,15 @@ fn caustic_light_is_the_estimate_from_the_caustic_map_alone() {
     }
 }
 
+/// Every pixel's motion, and whether it is known.
+fn inspected_motion(renderer: &mut Renderer, eye: Eye) -> (Vec<[f32; 2]>, Vec<bool>) {
+    let motion = inspected(renderer, Inspection::Motion, eye);
+    match motion.values {
+        InspectedValues::Vector2(vectors) => (vectors, motion.has_value.unwrap()),
+        other => panic!("{other:?}"),
+    }
+}
+
 /// Every 64th frame's samples lie 1/128 pixel beside the centres. Motion that changes by under 2.5 pixels from pixel to pixel
 /// is off by less than 0.02, but where a silhouette comes between: at 1 in 64 of the pixels along one, and they are fewer than
 /// half of all.
@@ -348,13 +357,10 @@ fn motion_in_a_mirror_is_that_of_the_pass_while_the_head_walks() {
         let views = parallel_views(head, 0.063, square_fov(30.0));
         play(&mut renderer, &views, 64 * step..64 * step + 1);
     }
-    for eye in [Eye::Left, Eye::Right] {
-        let motion = inspected(&mut renderer, Inspection::Motion, eye);
-        let InspectedValues::Vector2(vectors) = motion.values else {
-            panic!("vectors");
-        };
+    for eye in Eye::ALL {
+        let (vectors, known) = inspected_motion(&mut renderer, eye);
         let (_, read) = renderer.read_motion(eye).unwrap().unwrap();
-        assert_is_of_the_pass(&vectors, &motion.has_value.unwrap(), &read);
+        assert_is_of_the_pass(&vectors, &known, &read);
     }
 }
 
@@ -396,12 +402,8 @@ fn motion_is_that_of_the_pass_and_needs_no_reconstruction() {
                 assert_eq!(first.has_value, Some(vec![false; 1024]));
             }
         }
-        for eye in [Eye::Left, Eye::Right] {
-            let motion = inspected(&mut renderer, Inspection::Motion, eye);
-            let InspectedValues::Vector2(vectors) = motion.values else {
-                panic!("vectors");
-            };
-            let known = motion.has_value.unwrap();
+        for eye in Eye::ALL {
+            let (vectors, known) = inspected_motion(&mut renderer, eye);
             assert!(known.iter().filter(|known| **known).count() > 1000);
             if let Some((_, read)) = renderer.read_motion(eye).unwrap() {
                 assert_is_of_the_pass(&vectors, &known, &read);
