@@ -5,7 +5,7 @@ use crate::renderer::Eye;
 
 /// CIE 1976 lightness of an 8-bit sRGB colour, 0 to 100.
 fn lightness(color: [u8; 3]) -> f64 {
-    let [r, g, b] = color.map(|c| f64::from(srgb_decode(f32::from(c) / 255.0)));
+    let [r, g, b] = color.map(|c| srgb_decode(f64::from(c) / 255.0));
     let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
     if y > 216.0 / 24_389.0 {
         116.0 * y.cbrt() - 16.0

@@ -195,7 +195,7 @@ pub fn srgb_encode(linear: f32) -> f32 {
 
 /// Linear value of an sRGB-encoded one in 0 to 1 (IEC 61966-2-1).
 #[must_use]
-pub fn srgb_decode(encoded: f32) -> f32 {
+pub fn srgb_decode(encoded: f64) -> f64 {
     if encoded <= 0.040_45 {
         encoded / 12.92
     } else {
@@ -339,7 +339,7 @@ impl<'a> ImageFile<'a> {
         let mut pixels: Vec<[f32; 3]> = decoded.pixels().map(|pixel| pixel.0).collect();
         if !matches!(self.format, ImageFormat::OpenExr | ImageFormat::Hdr) {
             for pixel in &mut pixels {
-                *pixel = pixel.map(srgb_decode);
+                *pixel = pixel.map(|channel| srgb_decode(f64::from(channel)) as f32);
             }
         }
         Image::new(width, height, pixels).map_err(|error| undecodable(self.path, error.to_string()))
@@ -406,11 +406,17 @@ mod tests {
 
     #[test]
     fn srgb_round_trip_and_known_values() {
-        // IEC 61966-2-1: the two branches meet; middle grey 0.5 decodes to 0.2140.
+        // Middle grey 0.5 decodes to 0.2140.
         assert!((srgb_decode(0.5) - 0.214_041).abs() < 1e-6);
+        assert!((srgb_decode(188.0 / 255.0) - 0.502_886_458_033).abs() < 1e-9);
+        assert_eq!(srgb_decode(0.0), 0.0);
+        assert!((srgb_decode(1.0) - 1.0).abs() < 1e-15);
+        // The two pieces of IEC 61966-2-1 differ by less than 1e-7 at the joint.
+        assert!((srgb_decode(0.04045) - srgb_decode(0.04045 + 1e-12)).abs() < 1e-7);
         for step in 0..=255_u16 {
-            let encoded = f32::from(step) / 255.0;
-            assert!((srgb_encode(srgb_decode(encoded)) - encoded).abs() < 1e-5);
+            let encoded = f64::from(step) / 255.0;
+            let there_and_back = srgb_encode(srgb_decode(encoded) as f32);
+            assert!((f64::from(there_and_back) - encoded).abs() < 1e-5);
         }
     }
 

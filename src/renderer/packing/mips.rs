@@ -4,10 +4,8 @@ use std::sync::LazyLock;
 
 use rayon::prelude::*;
 
-use crate::images::srgb_encode;
+use crate::images::{srgb_decode, srgb_encode};
 use crate::scene::{AlphaMode, Image, Material};
-
-use super::textures::linear_from_srgb;
 
 /// What a texture stands for, and so how its texels are averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -107,7 +105,7 @@ impl Averaging {
 const LEAST_WEIGHT: f32 = 1.0 / 4096.0;
 
 static LINEAR_OF_BYTE: LazyLock<[f32; 256]> =
-    LazyLock::new(|| std::array::from_fn(|byte| linear_from_srgb(byte as f64 / 255.0) as f32));
+    LazyLock::new(|| std::array::from_fn(|byte| srgb_decode(byte as f64 / 255.0) as f32));
 
 fn byte(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8

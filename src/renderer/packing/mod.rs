@@ -24,7 +24,7 @@ pub use lights::{
 };
 pub use materials::pack_materials;
 pub use mips::{Averaging, alpha_of_normals};
-pub use textures::{PackedTextures, image_levels, linear_from_srgb, pack_textures, sample_image};
+pub use textures::{PackedTextures, image_levels, pack_textures, sample_image};
 pub use user_bsdf::{UserBsdf, check_user_bsdfs, install_user_bsdfs, user_bsdf_dispatch};
 pub use vertices::pack_vertices;
 

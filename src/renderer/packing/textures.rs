@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use crate::images::srgb_decode;
 use crate::renderer::records::material::{
     TEXTURE_LEVELS_SHIFT, TEXTURE_NEAREST_BIT, TEXTURE_WRAP_CLAMP, TEXTURE_WRAP_MIRROR,
     TEXTURE_WRAP_REPEAT, TextureInfo,
@@ -212,15 +213,6 @@ fn sampler_flags(texture: &Texture, level: usize, levels: usize) -> u32 {
     wrap(texture.wrap_u) | (wrap(texture.wrap_v) << 2) | filter | (coarser << TEXTURE_LEVELS_SHIFT)
 }
 
-/// Linear value of an sRGB channel, 0 to 1 (IEC 61966-2-1).
-pub fn linear_from_srgb(channel: f64) -> f64 {
-    if channel <= 0.04045 {
-        channel / 12.92
-    } else {
-        ((channel + 0.055) / 1.055).powf(2.4)
-    }
-}
-
 fn wrap_texel(index: i64, size: i64, wrap: Wrap) -> i64 {
     match wrap {
         Wrap::Clamp => index.clamp(0, size - 1),
@@ -257,7 +249,7 @@ pub fn sample_image(scene: &Scene, texture: u32, texcoord: [f64; 2], is_srgb: bo
         std::array::from_fn(|channel| {
             let value = f64::from(image.rgba8.get(start + channel).copied().unwrap_or(255)) / 255.0;
             if is_srgb && channel < 3 {
-                linear_from_srgb(value)
+                srgb_decode(value)
             } else {
                 value
             }

@@ -114,7 +114,7 @@ impl Mask {
     /// White pixels count: those with a channel of at least half, sRGB encoded.
     #[must_use]
     pub fn from_image(image: &ImageRgb) -> Self {
-        let half = srgb_decode(0.5);
+        let half = srgb_decode(0.5) as f32;
         let white = |pixel: &[f32; 3]| pixel.iter().any(|&channel| channel >= half);
         image.like(image.pixels.iter().map(white))
     }
