@@ -12,6 +12,7 @@ use super::deform::{Deformer, with_own_meshes};
 use super::instance_table::{InstanceId, InstanceTable};
 use crate::bvh::cast::{InstanceHit, Ray};
 
+use crate::bvh::parts::Grafted;
 use crate::bvh::{InstanceSource, MaterialMarks, MeshHierarchies, TopLevel};
 use crate::gpu::texels::TexelCopy;
 use crate::gpu::{
@@ -23,7 +24,7 @@ use crate::renderer::packing::{
     pack_environment, pack_lights, pack_textures, pack_vertices,
 };
 use crate::renderer::records::material::Material;
-use crate::scene::{Scene, ScenePose};
+use crate::scene::{Instance, Scene, ScenePose};
 
 pub(super) use edits::{Edited, SceneChange};
 pub use parts::{PartPreparation, PreparedPart};
@@ -93,6 +94,25 @@ fn environment_buffers(
     ))
 }
 
+/// What places an instance, its first emissive triangle the light of that number.
+fn source_of(instance: &Instance, first_emitter: u32) -> InstanceSource {
+    InstanceSource {
+        world_from_object: instance.world_from_object,
+        mesh: instance.mesh as u32,
+        node: instance.node as u32,
+        first_emitter,
+    }
+}
+
+/// [`SceneBuffers::slot_of_node`] of instances in the order of their slots.
+fn slots_of_nodes(instances: &[Instance], node_count: usize) -> Vec<u32> {
+    let mut slots = vec![u32::MAX; node_count];
+    for (slot, instance) in (0..).zip(instances) {
+        slots[instance.node] = slot;
+    }
+    slots
+}
+
 impl SceneBuffers {
     /// Packs and uploads `scene`. What no feature asks for is not allocated.
     ///
@@ -144,20 +164,10 @@ impl SceneBuffers {
             DVec3::ZERO,
         );
         let placed = scene.instances();
-        let mut slot_of_node = vec![u32::MAX; scene.nodes.len()];
-        for (slot, instance) in placed.iter().enumerate() {
-            slot_of_node[instance.node] = slot as u32;
-        }
-        let sources = placed
-            .iter()
-            .zip(&packed_lights.first_emitter)
-            .map(|(instance, &first_emitter)| InstanceSource {
-                world_from_object: instance.world_from_object,
-                mesh: instance.mesh as u32,
-                node: instance.node as u32,
-                first_emitter,
-            })
-            .collect();
+        let emitters = packed_lights.first_emitter.iter();
+        let sources = placed.iter().zip(emitters);
+        let sources = sources.map(|(instance, first)| source_of(instance, *first));
+        let sources = sources.collect();
         let textures = if features.textures {
             Some((
                 ArrayBuffer::with_data(context, "texture infos", &packed_textures.infos)?,
@@ -201,7 +211,7 @@ impl SceneBuffers {
                 .record_texels
                 .then(|| COPIED.map(|(_, name)| TexelCopy::new(name))),
             table: InstanceTable::new(sources),
-            slot_of_node,
+            slot_of_node: slots_of_nodes(&placed, scene.nodes.len()),
             node_lights_moved: false,
             lights_moved: false,
             has_moved: false,
@@ -441,25 +451,33 @@ impl SceneBuffers {
         let rebuilt_meshes = deformer.begin_frame(context, &mut self.hierarchies, bytes)?;
         let any = !rebuilt_meshes.is_empty();
         for (mesh, rebuilt) in rebuilt_meshes {
-            let hierarchies = &self.hierarchies;
-            let (nodes, triangles) = (rebuilt.nodes.clone(), rebuilt.triangles.clone());
-            let corners = &hierarchies.triangle_vertices;
-            let written = [
-                self.mesh_nodes.write(context, &hierarchies.nodes, nodes),
-                self.triangles
-                    .write(context, &hierarchies.triangles, triangles.clone()),
-                self.triangle_vertices
-                    .write(context, corners, triangles.clone()),
-            ];
-            *bytes += written
-                .map(|range| range.end - range.start)
-                .iter()
-                .sum::<u64>();
-            let leaf_of = hierarchies.leaf_of_triangles(mesh);
+            let written = self.write_trees(context, &rebuilt);
+            let sizes = written.map(|(_, range)| range.end - range.start);
+            *bytes += sizes.iter().sum::<u64>();
+            let leaf_of = self.hierarchies.leaf_of_triangles(mesh);
             self.packed_lights
                 .reorder_mesh(mesh, |triangle| leaf_of[triangle]);
         }
         Ok(any)
+    }
+
+    /// Uploads the part of the hierarchies that lies there: names of arrays, and which of their bytes were written.
+    fn write_trees(
+        &self,
+        context: &GpuContext,
+        place: &Grafted,
+    ) -> [(&'static str, Range<u64>); 3] {
+        let Grafted { nodes, triangles } = place;
+        let (trees, triangles) = (&self.hierarchies, || triangles.clone());
+        let nodes = self.mesh_nodes.write(context, &trees.nodes, nodes.clone());
+        let records = self.triangles.write(context, &trees.triangles, triangles());
+        let corners = &self.triangle_vertices;
+        let corners = corners.write(context, &trees.triangle_vertices, triangles());
+        [
+            ("mesh_nodes", nodes),
+            ("triangles", records),
+            ("triangle_vertices", corners),
+        ]
     }
 
     /// Meshes that change their shape.

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use super::{SceneBuffers, WHOLE, environment_buffers};
-use crate::bvh::{InstanceSource, MaterialMarks};
+use super::{SceneBuffers, WHOLE, environment_buffers, slots_of_nodes, source_of};
+use crate::bvh::MaterialMarks;
 use crate::gpu::GpuContext;
 use crate::renderer::packing::{LightKinds, PackedEnvironment, image_levels, pack_materials};
 use crate::renderer::records::material::Material;
@@ -296,25 +296,15 @@ impl SceneBuffers {
             self.slot_of_node.resize(node_count, u32::MAX);
             return false;
         }
-        let made = instances
-            .iter()
-            .map(|instance| InstanceSource {
-                world_from_object: instance.world_from_object,
-                mesh: instance.mesh as u32,
-                node: instance.node as u32,
-                first_emitter: u32::MAX,
-            })
-            .collect();
+        let made = instances.iter();
+        let made = made.map(|instance| source_of(instance, u32::MAX)).collect();
         let was = |slot: usize| {
             let node = instances.get(slot)?.node;
             let old = self.slot_of_node.get(node).copied()?;
             (old != u32::MAX).then_some(old)
         };
         self.table.replace(made, was);
-        self.slot_of_node = vec![u32::MAX; node_count];
-        for (slot, instance) in instances.iter().enumerate() {
-            self.slot_of_node[instance.node] = slot as u32;
-        }
+        self.slot_of_node = slots_of_nodes(instances, node_count);
         true
     }
 }

@@ -246,39 +246,16 @@ impl SceneBuffers {
         let Some(own) = self.places.parts.last() else {
             return Ok(fitted.any);
         };
-        let trees = &self.hierarchies;
-        let (nodes, triangles) = (own.grafted.nodes.clone(), own.grafted.triangles.clone());
-        let corners = &trees.triangle_vertices;
         let write_at = |buffer: &ArrayBuffer, bytes: &[u8], first: usize, size: usize| {
             let first = (first * size) as u64;
             context.queue.write_buffer(buffer.buffer(), first, bytes);
             first..first + bytes.len() as u64
         };
         let vertices: &[u8] = bytemuck::cast_slice(&prepared.vertices);
-        let written = [
-            (
-                "mesh_nodes",
-                self.mesh_nodes.write(context, &trees.nodes, nodes),
-            ),
-            (
-                "triangles",
-                self.triangles
-                    .write(context, &trees.triangles, triangles.clone()),
-            ),
-            (
-                "triangle_vertices",
-                self.triangle_vertices.write(context, corners, triangles),
-            ),
-            (
-                "vertices",
-                write_at(
-                    &self.vertices,
-                    vertices,
-                    own.vertices.start,
-                    size_of::<Vertex>(),
-                ),
-            ),
-        ];
+        let first = own.vertices.start;
+        let vertices = write_at(&self.vertices, vertices, first, size_of::<Vertex>());
+        let mut written = self.write_trees(context, &own.grafted).to_vec();
+        written.push(("vertices", vertices));
         if let Some((infos, texels)) = &self.textures {
             infos.write(context, &self.packed_textures.infos, own.infos.clone());
             let data = bytemuck::cast_slice(&prepared.textures.texels);
