@@ -309,23 +309,7 @@ impl<'a> World<'a> {
     /// # Errors
     /// [`WorldError::Surroundings`]: radiance that is negative or not finite, or not as much as its size says.
     pub fn set_surroundings(&mut self, surroundings: Environment) -> Result<(), WorldError> {
-        let Environment {
-            width,
-            height,
-            radiance,
-            name,
-        } = &surroundings;
-        let texels = u64::from(*width) * u64::from(*height);
-        if texels == 0 || radiance.len() as u64 != texels {
-            let count = radiance.len();
-            let fault = format!("{name}: {count} texels are not {width} x {height}, or none");
-            return Err(WorldError::Surroundings(fault));
-        }
-        let is_radiance = |channel: &f32| channel.is_finite() && *channel >= 0.0;
-        if !radiance.as_flattened().iter().all(is_radiance) {
-            let fault = format!("{name}: radiance that is negative or not finite");
-            return Err(WorldError::Surroundings(fault));
-        }
+        surroundings.check().map_err(WorldError::Surroundings)?;
         self.kept.surroundings += 1;
         let had_some = self.kept.scene.environment.replace(surroundings).is_some();
         self.kept.has_other_surroundings |= had_some;

@@ -1,6 +1,9 @@
 //! Whether a scene holds together. What a file says is checked as it is read; a scene made in code may name what is not there.
 
-use super::{Mesh, Scene, SceneError};
+use super::{Image, Material, Mesh, Node, Scene, SceneError, Skin};
+
+/// What is wrong, in words that follow what it is wrong with.
+type Checked = Result<(), String>;
 
 impl Scene {
     /// Fails where a list names what another does not hold, vertices lack data, or a value is none that light can have. Looks at
@@ -9,115 +12,123 @@ impl Scene {
     /// # Errors
     /// [`SceneError::Broken`]: the first fault, its list and number.
     pub fn check(&self) -> Result<(), SceneError> {
-        self.fault().map_or(Ok(()), |fault| {
-            Err(SceneError::Broken {
-                scene: self.name.clone(),
-                fault,
-            })
+        self.check_lists().map_err(|fault| SceneError::Broken {
+            scene: self.name.clone(),
+            fault,
         })
     }
 
-    fn fault(&self) -> Option<String> {
-        let counted = |what: &str, index: usize, count: usize| {
-            (index >= count).then(|| format!("{what} {index}, and there are {count}"))
-        };
-        let nodes = self.nodes.len();
-        if let Some(beyond) = self
-            .roots
-            .iter()
-            .find_map(|root| counted("node", *root, nodes))
-        {
-            return Some(format!("roots name {beyond}"));
-        }
-        for (index, node) in self.nodes.iter().enumerate() {
-            let named = [
-                ("node", node.parent, nodes),
-                ("mesh", node.mesh, self.meshes.len()),
-                ("light", node.light, self.lights.len()),
-                ("camera", node.camera, self.cameras.len()),
-                ("skin", node.skin, self.skins.len()),
-            ];
-            let mut beyond = named
-                .into_iter()
-                .find_map(|(what, number, count)| counted(what, number?, count));
-            for child in &node.children {
-                beyond = beyond.or_else(|| counted("node", *child, nodes));
-                // Else its place is another's, or nobody's: a ring has none.
-                let is_own = |child: &super::Node| child.parent == Some(index);
-                if !self.nodes.get(*child).is_none_or(is_own) {
-                    beyond =
-                        beyond.or_else(|| Some(format!("child {child}, whose parent it is not")));
-                }
-            }
-            if let Some(beyond) = beyond {
-                return Some(format!("nodes[{index}] names {beyond}"));
-            }
-        }
-        if let Some(root) = self
-            .roots
-            .iter()
-            .find(|root| self.nodes[**root].parent.is_some())
-        {
-            return Some(format!("roots name node {root}, which has a parent"));
-        }
-        for (index, skin) in self.skins.iter().enumerate() {
-            if let Some(beyond) = skin
-                .joints
-                .iter()
-                .find_map(|joint| counted("node", *joint, nodes))
-            {
-                return Some(format!("skins[{index}] names {beyond}"));
-            }
-            if skin.joints.len() != skin.joint_from_mesh.len() {
-                let [joints, matrices] = [skin.joints.len(), skin.joint_from_mesh.len()];
-                return Some(format!(
-                    "skins[{index}] has {joints} joints and {matrices} matrices"
-                ));
-            }
-        }
-        for (index, mesh) in self.meshes.iter().enumerate() {
-            if let Some(fault) = fault_of_mesh(mesh, self.materials.len()) {
-                return Some(format!("meshes[{index}] {fault}"));
-            }
-        }
-        let is_light = |channels: &[f32; 3]| channels.iter().all(|c| c.is_finite() && *c >= 0.0);
-        for (index, material) in self.materials.iter().enumerate() {
-            let mut slots = material
-                .texture_slots()
-                .into_iter()
-                .filter_map(|(_, slot)| slot);
-            let beyond = slots
-                .find_map(|used| counted("texture", used.texture as usize, self.textures.len()));
-            if let Some(beyond) = beyond {
-                return Some(format!("materials[{index}] names {beyond}"));
-            }
-            if !is_light(&material.emission) {
-                return Some(format!("materials[{index}] emits {:?}", material.emission));
-            }
-        }
-        for (index, texture) in self.textures.iter().enumerate() {
-            if let Some(beyond) = counted("image", texture.image as usize, self.images.len()) {
-                return Some(format!("textures[{index}] names {beyond}"));
-            }
-        }
-        for (index, image) in self.images.iter().enumerate() {
-            let bytes = u64::from(image.width) * u64::from(image.height) * 4;
-            if image.rgba8.len() as u64 != bytes {
-                let (width, height, held) = (image.width, image.height, image.rgba8.len());
-                return Some(format!(
-                    "images[{index}] is {width}x{height} and has {held} bytes"
-                ));
-            }
-        }
-        let mut lights = self.lights.iter().enumerate();
-        let dark = lights.find(|(_, light)| !is_light(&light.intensity));
-        dark.map(|(index, light)| {
-            format!("lights[{index}] has an intensity of {:?}", light.intensity)
+    fn check_lists(&self) -> Checked {
+        let (materials, images) = (self.materials.len(), self.images.len());
+        self.check_graph()?;
+        each("skins", &self.skins, |_, skin| self.check_skin(skin))?;
+        each("meshes", &self.meshes, |_, mesh| {
+            check_mesh(mesh, materials)
+        })?;
+        each("materials", &self.materials, |_, of| {
+            self.check_material(of)
+        })?;
+        each("textures", &self.textures, |_, texture| {
+            names("image", texture.image as usize, images)
+        })?;
+        each("images", &self.images, |_, image| check_image(image))?;
+        each("lights", &self.lights, |_, light| {
+            check_light("has an intensity of", light.intensity)
         })
+    }
+
+    fn check_graph(&self) -> Checked {
+        let nodes = self.nodes.len();
+        if let Some(root) = self.roots.iter().find(|root| **root >= nodes) {
+            return Err(format!("roots name node {root}, and there are {nodes}"));
+        }
+        each("nodes", &self.nodes, |index, node| {
+            self.check_node(index, node)
+        })?;
+        let is_below = |root: &&usize| self.nodes[**root].parent.is_some();
+        match self.roots.iter().find(is_below) {
+            Some(root) => Err(format!("roots name node {root}, which has a parent")),
+            None => Ok(()),
+        }
+    }
+
+    fn check_node(&self, index: usize, node: &Node) -> Checked {
+        let nodes = self.nodes.len();
+        for (what, number, count) in [
+            ("node", node.parent, nodes),
+            ("mesh", node.mesh, self.meshes.len()),
+            ("light", node.light, self.lights.len()),
+            ("camera", node.camera, self.cameras.len()),
+            ("skin", node.skin, self.skins.len()),
+        ] {
+            number.map_or(Ok(()), |number| names(what, number, count))?;
+        }
+        for child in &node.children {
+            names("node", *child, nodes)?;
+            // Else its place is another's, or nobody's: a ring has none.
+            if self.nodes[*child].parent != Some(index) {
+                return Err(format!("names child {child}, whose parent it is not"));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_skin(&self, skin: &Skin) -> Checked {
+        for joint in &skin.joints {
+            names("node", *joint, self.nodes.len())?;
+        }
+        match [skin.joints.len(), skin.joint_from_mesh.len()] {
+            [joints, matrices] if joints == matrices => Ok(()),
+            [joints, matrices] => Err(format!("has {joints} joints and {matrices} matrices")),
+        }
+    }
+
+    fn check_material(&self, material: &Material) -> Checked {
+        for used in material.texture_slots().iter().filter_map(|slot| slot.1) {
+            names("texture", used.texture as usize, self.textures.len())?;
+        }
+        check_light("emits", material.emission)
     }
 }
 
-fn fault_of_mesh(mesh: &Mesh, materials: usize) -> Option<String> {
+/// Whether these are numbers that light can have.
+pub(super) fn is_light(channels: &[f32]) -> bool {
+    let mut channels = channels.iter();
+    channels.all(|channel| channel.is_finite() && *channel >= 0.0)
+}
+
+fn check_light(what: &str, channels: [f32; 3]) -> Checked {
+    if is_light(&channels) {
+        return Ok(());
+    }
+    Err(format!("{what} {channels:?}"))
+}
+
+/// Checks the entries of a list, with their numbers.
+fn each<T>(list: &str, entries: &[T], check: impl Fn(usize, &T) -> Checked) -> Checked {
+    for (index, entry) in entries.iter().enumerate() {
+        check(index, entry).map_err(|fault| format!("{list}[{index}] {fault}"))?;
+    }
+    Ok(())
+}
+
+/// Whether a list of so many entries has the one that is named.
+fn names(what: &str, index: usize, count: usize) -> Checked {
+    if index < count {
+        return Ok(());
+    }
+    Err(format!("names {what} {index}, and there are {count}"))
+}
+
+fn check_image(image: &Image) -> Checked {
+    let (width, height, held) = (image.width, image.height, image.rgba8.len());
+    if held as u64 == u64::from(width) * u64::from(height) * 4 {
+        return Ok(());
+    }
+    Err(format!("is {width}x{height} and has {held} bytes"))
+}
+
+fn check_mesh(mesh: &Mesh, materials: usize) -> Checked {
     let vertices = mesh.positions.len();
     // Without one of the others there are defaults.
     let optional = [
@@ -138,35 +149,24 @@ fn fault_of_mesh(mesh: &Mesh, materials: usize) -> Option<String> {
         .filter(|(_, length)| *length > 0)
         .chain([("normals", mesh.normals.len())]);
     if let Some((list, length)) = lists.find(|(_, length)| *length != vertices) {
-        return Some(format!("has {vertices} positions and {length} {list}"));
+        return Err(format!("has {vertices} positions and {length} {list}"));
     }
     let is_finite = |position: &[f32; 3]| position.iter().all(|c| c.is_finite());
-    if let Some(vertex) = mesh
-        .positions
-        .iter()
-        .position(|position| !is_finite(position))
-    {
-        return Some(format!(
-            "has vertex {vertex} at {:?}",
-            mesh.positions[vertex]
-        ));
+    let mut positions = mesh.positions.iter();
+    if let Some(vertex) = positions.position(|position| !is_finite(position)) {
+        let position = mesh.positions[vertex];
+        return Err(format!("has vertex {vertex} at {position:?}"));
     }
     for (index, triangle) in mesh.triangles.iter().enumerate() {
-        if let Some(vertex) = triangle
-            .vertices
-            .iter()
-            .find(|vertex| **vertex as usize >= vertices)
-        {
-            return Some(format!(
-                "names vertex {vertex} in triangle {index}, and there are {vertices}"
-            ));
-        }
-        if triangle.material as usize >= materials {
-            let material = triangle.material;
-            return Some(format!(
-                "names material {material} in triangle {index}, and there are {materials}"
-            ));
+        let used = triangle.vertices.map(|vertex| ("vertex", vertex, vertices));
+        let material = ("material", triangle.material, materials);
+        for (what, number, count) in used.into_iter().chain([material]) {
+            if number as usize >= count {
+                return Err(format!(
+                    "names {what} {number} in triangle {index}, and there are {count}"
+                ));
+            }
         }
     }
-    None
+    Ok(())
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use image::ImageFormat;
 
 use super::builtin::PREFIX;
+use super::check::is_light;
 use super::{SceneError, surroundings};
 use stereolux_base::decoding::{Encoded, with_known_signature};
 use stereolux_base::files;
@@ -35,6 +36,30 @@ impl Environment {
             *channel *= strength;
         }
         self
+    }
+
+    /// Whether it has the texels that its size says, each with radiance that light can have.
+    ///
+    /// # Errors
+    /// One line.
+    pub fn check(&self) -> Result<(), String> {
+        let Self {
+            width,
+            height,
+            radiance,
+            name,
+        } = self;
+        let texels = u64::from(*width) * u64::from(*height);
+        if texels == 0 || radiance.len() as u64 != texels {
+            let count = radiance.len();
+            return Err(format!(
+                "{name}: {count} texels are not {width} x {height}, or none"
+            ));
+        }
+        if !is_light(radiance.as_flattened()) {
+            return Err(format!("{name}: radiance that is negative or not finite"));
+        }
+        Ok(())
     }
 
     /// Whether it is not black all over.
