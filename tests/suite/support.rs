@@ -56,18 +56,13 @@ pub fn square_fov(half_degrees: f64) -> Fov {
 
 /// Eyes as far apart as people's, where a scene's head starts.
 pub fn start_views(scene: &Scene, half_degrees: f64) -> [View; 2] {
-    parallel_views(start_pose(scene), 0.063, square_fov(half_degrees))
+    parallel_views(scene.start_pose(), 0.063, square_fov(half_degrees))
 }
 
 /// The ray through a pixel's centre.
 pub fn pixel_ray(view: &View, pixel: usize, [width, height]: [u32; 2]) -> RayInWorld {
     let (x, y) = (pixel as u32 % width, pixel as u32 / width);
     view.ray_through_pixel(f64::from(x) + 0.5, f64::from(y) + 0.5, width, height)
-}
-
-/// Where a scene's head starts.
-pub fn start_pose(scene: &Scene) -> Pose {
-    scene.start_pose()
 }
 
 /// An embedded scene.

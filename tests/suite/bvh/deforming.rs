@@ -27,7 +27,7 @@ fn small(scene: &Scene) -> Renderer {
 }
 
 fn render(renderer: &mut Renderer, scene: &Scene, shift: DVec3, index: u32) {
-    let mut head = start_pose(scene);
+    let mut head = scene.start_pose();
     head.position += shift;
     let views = parallel_views(head, 0.06, square_fov(30.0));
     renderer.render_frame(&views, index, |_| {}).unwrap();
@@ -438,7 +438,7 @@ fn a_moving_scene_is_the_same_twice_and_not_the_same_later() {
             s.reuse = Reuse::Lookup;
         });
         let mut renderer = renderer(&scene, &settings, [24, 24]);
-        let views = parallel_views(start_pose(&scene), 0.06, square_fov(25.0));
+        let views = parallel_views(scene.start_pose(), 0.06, square_fov(25.0));
         let mut frames = Vec::new();
         for (index, time_ns) in times_ns.into_iter().enumerate() {
             renderer.animate(time_ns);
@@ -492,7 +492,7 @@ fn baked(scene: &Scene, pose: &ScenePose) -> Scene {
 fn a_deformed_scene_looks_like_one_modelled_so() {
     let scene = builtin("parade");
     let clip = scene.clip("parade").unwrap().unwrap();
-    let views = parallel_views(start_pose(&scene), 0.06, square_fov(25.0));
+    let views = parallel_views(scene.start_pose(), 0.06, square_fov(25.0));
     let mut settings = method(Method::Path, Reuse::Off);
     settings.spp = 4;
     let size = [40, 40];
@@ -585,7 +585,7 @@ fn copies_in_textures_follow_what_moves() {
     let lamp_node = node(&scene, "lamp");
     let lamp_mesh = scene.nodes[lamp_node].mesh.unwrap();
     let clip = scene.clip("parade").unwrap().unwrap();
-    let views = parallel_views(start_pose(&scene), 0.06, square_fov(25.0));
+    let views = parallel_views(scene.start_pose(), 0.06, square_fov(25.0));
     for render_by in [Method::Path, Method::Photon] {
         let [plain, copied] = [Force::Off, Force::On].map(|record_texels| {
             let settings = settings(|s| {

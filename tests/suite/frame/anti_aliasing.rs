@@ -13,7 +13,7 @@ use super::hard_support::{add, eyes_at, eyes_at_origin, quad};
 use super::lights_sampling::map_of;
 use super::support::{
     both_bits, builtin, mean, method, parallel_views, play, radiance, renderer, square_fov,
-    start_pose, start_views, statistics,
+    start_views, statistics,
 };
 
 const SIZE: u32 = 32;
@@ -104,7 +104,7 @@ fn both_eyes_rays_pass_where_the_frame_says_and_frames_alone_keep_the_centre() {
 #[test]
 fn equal_eyes_stay_equal_while_the_head_moves() {
     let scene = builtin("gallery");
-    let start = start_pose(&scene);
+    let start = scene.start_pose();
     for (kind, reuse) in [
         (Method::Photon, Reuse::Scatter),
         (Method::Photon, Reuse::Off),

@@ -8,7 +8,7 @@ use stereolux::settings::Reuse;
 use stereolux::xr::{Pose, View};
 
 use super::reconstruction::{IPD_M, MOTION_TOLERANCE_PX, SIZE, filtered, project, sample_at};
-use super::support::{builtin, meet, parallel_views, play, renderer, square_fov, start_pose};
+use super::support::{builtin, meet, parallel_views, play, renderer, square_fov};
 
 /// Corners in the world of every triangle of a placed mesh.
 struct Placed {
@@ -60,7 +60,7 @@ fn motion_of_skinned_and_morphed_surfaces_leads_to_their_points_of_the_frame_bef
     let scene = builtin("parade");
     let clip = scene.clip("parade").unwrap().unwrap();
     let mut renderer = renderer(&scene, &filtered(Reuse::Off, |_| {}), [SIZE, SIZE]);
-    let head = start_pose(&scene);
+    let head = scene.start_pose();
     let views = |frame: usize| {
         let step = frame as f64;
         let turn = DQuat::from_euler(glam::EulerRot::YXZ, 0.01 * step, 0.005 * step, 0.0);

@@ -10,7 +10,6 @@ use stereolux::settings::{Eyes, Force, ForceSettings, Method, Reuse};
 use super::layout::changed;
 use super::support::{
     builtin, frame, parallel_views, radiance, rendered, renderer_by, settings, square_fov,
-    start_pose,
 };
 use super::trace_probe::features;
 
@@ -51,7 +50,7 @@ fn image(
         s.photon.max_depth = 4;
         s.force = force;
     });
-    let views = parallel_views(start_pose(scene), 0.0, square_fov(half_degrees));
+    let views = parallel_views(scene.start_pose(), 0.0, square_fov(half_degrees));
     let renderer = rendered(scene, &settings, [24, 24], &views);
     (radiance(&renderer, Eye::Left), renderer)
 }
@@ -152,7 +151,7 @@ fn kernels_are_what_wgpu_makes_of_them() {
         "// Not as they were: constants",
     );
     let scene = builtin("gallery");
-    let views = parallel_views(start_pose(&scene), 0.06, square_fov(40.0));
+    let views = parallel_views(scene.start_pose(), 0.06, square_fov(40.0));
     for method in [Method::Path, Method::Photon] {
         let settings = settings(|s| s.method = method);
         let [own, wgpus] = [&ShaderLibrary::embedded(), &changed].map(|library| {

@@ -19,8 +19,7 @@ use stereolux::settings::{
 
 use super::deforming::torn;
 use super::support::{
-    assert_says, both_bits, builtin, parallel_views, renderer, square_fov, start_pose, start_views,
-    words,
+    assert_says, both_bits, builtin, parallel_views, renderer, square_fov, start_views, words,
 };
 
 type Change = fn(&mut RenderSettings);
@@ -374,7 +373,7 @@ fn a_new_pose_and_equal_eyes_run_the_plans_stages() {
     let scene = builtin("parade");
     let settings = settings(|s| s.spp = 1);
     let mut renderer = renderer(&scene, &settings, [16, 16]);
-    let view = parallel_views(start_pose(&scene), 0.0, square_fov(20.0));
+    let view = parallel_views(scene.start_pose(), 0.0, square_fov(20.0));
     assert_eq!(view[0], view[1]);
     renderer.render_frame(&view, 0, |_| {}).unwrap();
     let rest = renderer.render_frame(&view, 1, |_| {}).unwrap();

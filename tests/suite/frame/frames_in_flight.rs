@@ -11,9 +11,7 @@ use stereolux::scene::Scene;
 use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
-use super::support::{
-    both, builtin, parallel_views, renderer, settings, square_fov, start_pose, white_box,
-};
+use super::support::{both, builtin, parallel_views, renderer, settings, square_fov, white_box};
 
 /// Frames of each run.
 const FRAMES: u32 = 60;
@@ -22,7 +20,7 @@ const CLOSED: u32 = 4;
 
 /// A head that sways, but for the frames from 20 to 30.
 fn views(scene: &Scene, frame: u32) -> [View; 2] {
-    let start = start_pose(scene);
+    let start = scene.start_pose();
     let time = f64::from(if (20..30).contains(&frame) { 20 } else { frame });
     let sway = DVec3::new(0.01 * (0.7 * time).sin(), 0.004 * (1.1 * time).cos(), 0.0);
     let head = Pose::new(start.position + sway, start.orientation);

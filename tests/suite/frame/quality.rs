@@ -12,8 +12,7 @@ use stereolux::xr::{
 };
 
 use super::support::{
-    assert_says, both_bits, builtin, context, renderer, settings, start_pose, start_views,
-    white_box,
+    assert_says, both_bits, builtin, context, renderer, settings, start_views, white_box,
 };
 
 const SIZE: [u32; 2] = [45, 34];
@@ -403,7 +402,7 @@ impl XrSession for Noting {
 fn a_session_is_told_how_large_its_images_are() {
     let scene = builtin("cornell");
     let headset = Headset::load("symmetric").unwrap();
-    let session = SimulatedSession::new(headset, Motion::Still, start_pose(&scene), Some(4));
+    let session = SimulatedSession::new(headset, Motion::Still, scene.start_pose(), Some(4));
     let library = ShaderLibrary::embedded();
     let made = settings(|_| {});
     let session = Noting(session, Vec::new());

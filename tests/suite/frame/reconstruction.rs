@@ -13,7 +13,7 @@ use super::hard_support::{add, square_ahead};
 use super::layout::changed;
 use super::support::{
     assert_clean, bits, both, builtin, mean, method, parallel_views, placed, play, radiance,
-    renderer, renderer_by, square_fov, start_pose, start_views,
+    renderer, renderer_by, square_fov, start_views,
 };
 use crate::suite::embedded_scenes::plane;
 
@@ -155,7 +155,7 @@ fn motion_of_eyes_and_instances_leads_to_the_surface_point_of_the_frame_before()
 #[test]
 fn equal_eyes_move_alike() {
     let scene = builtin("cornell");
-    let head = start_pose(&scene);
+    let head = scene.start_pose();
     for reuse in [Reuse::Scatter, Reuse::Lookup] {
         let mut renderer = renderer(&scene, &filtered(reuse, |_| {}), [SIZE, SIZE]);
         // Eyes apart first and last: a copied eye must not go by what such a frame has left.
@@ -351,7 +351,7 @@ fn the_anti_aliased_picture_is_the_bounded_mean_of_linear_light() {
     // The f64 twin of `taa` for eyes at rest, where history is read at the pixel itself. Inside a sphere every pixel finds
     // its surface in the frame before, and nothing moves.
     let scene = builtin("sphere");
-    let views = parallel_views(start_pose(&scene), IPD_M, square_fov(40.0));
+    let views = parallel_views(scene.start_pose(), IPD_M, square_fov(40.0));
     let mut settings = method(Method::Path, Reuse::Off);
     settings.reconstruct.taa = true.into();
     settings.reconstruct.taa_clip = 0.5;
@@ -456,7 +456,7 @@ fn two_replays_of_moving_eyes_are_equal_bit_for_bit() {
             let mut renderer = renderer(&scene, &settings, [SIZE, SIZE]);
             for frame in 0..4 {
                 let turn = DQuat::from_rotation_y(0.01 * f64::from(frame));
-                let start = start_pose(&scene);
+                let start = scene.start_pose();
                 let head = Pose::new(start.position, turn * start.orientation);
                 let views = parallel_views(head, IPD_M, square_fov(30.0));
                 renderer.render_frame(&views, frame, |_| {}).unwrap();

@@ -13,13 +13,13 @@ use stereolux::xr::View;
 use super::edits::{edit_everything, lamp, node};
 use super::support::{
     Folder, assert_says, assert_success, both_bits, builtin, parallel_views, play, radiance,
-    renderer, settings, square_fov, start_pose, stereolux,
+    renderer, settings, square_fov, stereolux,
 };
 
 const SIZE: [u32; 2] = [64, 64];
 
 fn views(scene: &Scene) -> [View; 2] {
-    parallel_views(start_pose(scene), 0.06, square_fov(35.0))
+    parallel_views(scene.start_pose(), 0.06, square_fov(35.0))
 }
 
 /// Bits of both eyes in a frame of this number.

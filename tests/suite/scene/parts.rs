@@ -15,7 +15,7 @@ use super::adding_example::ball;
 use super::edited_frames::{assert_same, image};
 use super::support::{
     assert_says, assert_success, builtin, parallel_views, renderer, resident_kb, settings,
-    square_fov, start_pose, words,
+    square_fov, words,
 };
 use super::trace_probe::Random;
 
@@ -37,7 +37,7 @@ struct Live {
 
 impl Live {
     fn new(scene: Scene, settings: RenderSettings) -> Self {
-        let views = parallel_views(start_pose(&scene), 0.06, square_fov(35.0));
+        let views = parallel_views(scene.start_pose(), 0.06, square_fov(35.0));
         let mut renderer = renderer(&scene, &settings, SIZE);
         image(&mut renderer, &views, 0);
         Self {

@@ -8,7 +8,7 @@ use stereolux::scene::{Scene, ScenePose};
 use stereolux::settings::{Method, Reuse};
 
 use super::support::{
-    builtin, frame, meet, method, parallel_views, pixel_ray, renderer, square_fov, start_pose,
+    builtin, frame, meet, method, parallel_views, pixel_ray, renderer, square_fov,
 };
 use super::trace_probe::Random;
 
@@ -20,7 +20,7 @@ fn small(scene: &Scene) -> Renderer {
 
 /// Pixels whose cast ray meets something else than the device's primary ray did, and pixels that see a surface.
 fn other_pixels(scene: &Scene, renderer: &mut Renderer) -> (usize, usize) {
-    let views = parallel_views(start_pose(scene), 0.06, square_fov(35.0));
+    let views = parallel_views(scene.start_pose(), 0.06, square_fov(35.0));
     frame(renderer, &views);
     let library = ShaderLibrary::embedded();
     let seen = renderer.inspect_surfaces(&library, Eye::Left).unwrap();
@@ -136,7 +136,7 @@ fn what_bends_is_met_as_it_is_bent_now() {
 fn what_is_hidden_or_gone_is_not_met() {
     let mut scene = builtin("cornell");
     let mut renderer = small(&scene);
-    let pose = start_pose(&scene);
+    let pose = scene.start_pose();
     let cast = |renderer: &Renderer| {
         let forward = pose.orientation * DVec3::NEG_Z;
         renderer.cast_ray(pose.position, 3.0 * forward, f64::INFINITY)

@@ -10,8 +10,7 @@ use stereolux::xr::{Pose, View};
 
 use super::lookup::varnished_cornell;
 use super::support::{
-    builtin, mean, parallel_views, radiance, renderer_by, settings, square_fov, start_pose,
-    statistics,
+    builtin, mean, parallel_views, radiance, renderer_by, settings, square_fov, statistics,
 };
 use crate::suite::bvh::deforming::torn;
 use crate::suite::frame::layout::changed;
@@ -27,7 +26,7 @@ const FRAMES: u32 = 32;
 /// A box with a sheet of `material` in it, 0.8 m ahead of the eyes, whose texture is `texel` over 16x16 texels.
 fn sheet(material: Material, turn: DQuat, texel: impl Fn(u32, u32) -> [u8; 4]) -> (Scene, Pose) {
     let mut scene = builtin("cornell");
-    let head = start_pose(&scene);
+    let head = scene.start_pose();
     scene.images.push(Image {
         name: "made".to_owned(),
         width: 16,
@@ -61,7 +60,7 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
     let upright = DQuat::IDENTITY;
     let checks = |x: u32, y: u32| (x / 4 + y / 4).is_multiple_of(2);
     let views = |head| parallel_views(head, 0.063, square_fov(20.0));
-    let mut canted = views(start_pose(&plain));
+    let mut canted = views(plain.start_pose());
     for (view, turn) in canted.iter_mut().zip([0.1, -0.1]) {
         view.orientation *= DQuat::from_rotation_y(turn) * DQuat::from_rotation_z(turn);
     }
@@ -155,7 +154,7 @@ fn cases() -> Vec<(&'static str, Scene, [View; 2])> {
     let slanted = DQuat::from_rotation_y(0.3) * DQuat::from_rotation_x(-0.4);
     add_sun(&mut sun, slanted * DVec3::Z, 3.0);
     let parade = builtin("parade");
-    let parade_views = views(start_pose(&parade));
+    let parade_views = views(parade.start_pose());
     vec![
         ("canted", plain, canted),
         ("bumps", bumpy, views(head)),

@@ -16,7 +16,7 @@ use super::stereo_exact::{has_sharp_lobe, provenance};
 use super::support::{
     Folder, Triangles, adapter_name, assert_says, assert_success, bits, builtin, exrs, frame,
     method, parallel_views, pixel_ray, radiance, rendered, renderer, settings, square_fov,
-    start_pose, start_views,
+    start_views,
 };
 use crate::suite::embedded_scenes::plane;
 use crate::suite::transport::hard_support::{add, add_point_light, add_sun, quad, square_ahead};
@@ -141,7 +141,7 @@ fn glossy_surfaces_take_light_over(by: Method) {
     const SIZE: [u32; 2] = [32, 32];
     let right = |reuse, roughness, ipd_m, change: &dyn Fn(&mut RenderSettings)| {
         let scene = varnished_cornell(roughness);
-        let views = parallel_views(start_pose(&scene), ipd_m, square_fov(19.0));
+        let views = parallel_views(scene.start_pose(), ipd_m, square_fov(19.0));
         let settings = settings(|s| {
             s.method = by;
             s.reuse = reuse;

@@ -9,8 +9,7 @@ use stereolux::xr::{Fov, Headset, Pose, View};
 use crate::suite::embedded_scenes::plane;
 use crate::suite::support::{
     Triangles, bits, both, both_bits, builtin, frame, hit_in_world, hit_rays, method,
-    parallel_views, pixel_ray, placed, radiance, rendered, renderer, square_fov, start_pose,
-    start_views,
+    parallel_views, pixel_ray, placed, radiance, rendered, renderer, square_fov, start_views,
 };
 use crate::suite::transport::hard_support::{add, add_point_light, quad, square_ahead};
 
@@ -31,7 +30,7 @@ fn rolled(head: Pose, degrees: f64) -> Pose {
 #[test]
 fn equal_eyes_give_equal_images_bit_for_bit() {
     let scene = builtin("cornell");
-    let head = start_pose(&scene);
+    let head = scene.start_pose();
     let asymmetric = Fov::from_degrees(-20.0, 31.0, 25.0, -17.0);
     let with = |kind| [Reuse::Scatter, Reuse::Off, Reuse::Lookup].map(|reuse| (kind, reuse));
     for (kind, reuse) in [Method::Photon, Method::Path].into_iter().flat_map(with) {
@@ -157,7 +156,7 @@ fn misplaced(
 fn check_landing(scene: &Scene, kind: Method, far: DVec3) {
     let size = [96, 80];
     let scene = placed(scene.clone(), DAffine3::from_translation(far));
-    let head = start_pose(&scene);
+    let head = scene.start_pose();
     let mut renderer = renderer(&scene, &method(kind, Reuse::Scatter), size);
     let canted = |head: Pose| {
         let mut views = parallel_views(head, 0.063, Fov::from_degrees(-35.0, 28.0, 30.0, -24.0));
@@ -234,7 +233,7 @@ fn the_nearest_visible_hit_wins() {
     let mut renderer = renderer(&scene, &method(Method::Photon, Reuse::Scatter), size);
     let mut contested = 0;
     for ipd_m in [0.063, 0.25] {
-        let views = parallel_views(start_pose(&scene), ipd_m, square_fov(19.0));
+        let views = parallel_views(scene.start_pose(), ipd_m, square_fov(19.0));
         frame(&mut renderer, &views);
         let right_eye = views[1].position_in_world;
         // Per right pixel: left hits that f64 arithmetic sees in it, with their distance. Points within a thousandth of

@@ -11,7 +11,7 @@ use stereolux::xr::View;
 
 use super::support::{
     builtin, frame, images_of, parallel_views, radiance, rendered, renderer, settings, square_fov,
-    start_pose, statistics,
+    statistics,
 };
 use crate::suite::embedded_scenes::caustic;
 
@@ -24,7 +24,7 @@ fn photon_settings(change: impl FnOnce(&mut RenderSettings)) -> RenderSettings {
 }
 
 fn views(scene: &Scene, half_degrees: f64) -> [View; 2] {
-    parallel_views(start_pose(scene), 0.0, square_fov(half_degrees))
+    parallel_views(scene.start_pose(), 0.0, square_fov(half_degrees))
 }
 
 #[test]

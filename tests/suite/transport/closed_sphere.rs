@@ -14,7 +14,7 @@ use super::hard_support::{constant_environment, mesh};
 use super::lights_probe::add_light;
 use super::support::{
     builtin, images_of, mean, parallel_views, renderer, renderer_by, settings, square_fov,
-    start_pose, statistics,
+    statistics,
 };
 use crate::suite::embedded_scenes::sphere::{ALBEDO, LIGHT_INTENSITY, RADIANCE};
 use crate::suite::frame::layout::changed;
@@ -154,7 +154,7 @@ fn agrees((found, error): (f64, f64), expected: f64) -> bool {
 }
 
 fn views() -> [View; 2] {
-    parallel_views(start_pose(&builtin("sphere")), 0.0, square_fov(40.0))
+    parallel_views(builtin("sphere").start_pose(), 0.0, square_fov(40.0))
 }
 
 #[test]

@@ -11,7 +11,7 @@ use stereolux::xr::Pose;
 use super::hard_support::*;
 use crate::suite::support::{
     assert_clean, builtin, frame, mean, method, parallel_views, placed, radiance, renderer,
-    settings, square_fov, start_pose,
+    settings, square_fov,
 };
 
 #[test]
@@ -114,7 +114,7 @@ fn images_a_thousand_kilometres_out_are_those_at_the_origin() {
         };
         let render = |offset: DVec3, aside: DVec3| {
             let scene = placed(scene.clone(), DAffine3::from_translation(offset));
-            let mut pose = start_pose(&scene);
+            let mut pose = scene.start_pose();
             pose.position += aside;
             let views = parallel_views(pose, 0.063, square_fov(19.0));
             images(&scene, &settings, [24, 24], &views)

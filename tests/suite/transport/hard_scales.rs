@@ -12,14 +12,13 @@ use super::hard_support::*;
 use super::lights_probe::{add_triangles, glowing};
 use crate::suite::embedded_scenes::plane;
 use crate::suite::support::{
-    bits, builtin, mean, method, parallel_views, placed, square_fov, start_pose, start_views,
-    statistics,
+    bits, builtin, mean, method, parallel_views, placed, square_fov, start_views, statistics,
 };
 
 /// The scene with everything in it `scale` times as large, and views to match.
 fn scaled(scene: &Scene, scale: f64, half_degrees: f64) -> (Scene, [View; 2]) {
     let scene = placed(scene.clone(), DAffine3::from_scale(DVec3::splat(scale)));
-    let views = parallel_views(start_pose(&scene), 0.063 * scale, square_fov(half_degrees));
+    let views = parallel_views(scene.start_pose(), 0.063 * scale, square_fov(half_degrees));
     (scene, views)
 }
 

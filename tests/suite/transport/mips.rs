@@ -15,7 +15,6 @@ use stereolux::xr::Pose;
 use super::lights_probe::{SceneUpload, add_triangles};
 use super::support::{
     both_bits, builtin, context, parallel_views, radiance, rendered, settings, square_fov,
-    start_pose,
 };
 use super::trace_probe::{ask, probe};
 
@@ -459,7 +458,7 @@ fn eyes_in_one_place_see_the_same_bits_with_levels() {
             s.reuse = reuse;
             s.textures.mips = Mips::On;
         });
-        let views = parallel_views(start_pose(&scene), 0.0, square_fov(40.0));
+        let views = parallel_views(scene.start_pose(), 0.0, square_fov(40.0));
         let [left, right] = both_bits(&rendered(&scene, &settings, [24, 24], &views));
         assert_eq!(left, right, "{reuse:?}");
     }

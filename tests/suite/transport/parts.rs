@@ -11,7 +11,7 @@ use super::hard_support::{add, add_point_light, constant_environment, eyes_at_or
 use crate::suite::embedded_scenes::cornell;
 use crate::suite::support::{
     Folder, assert_success, bits, builtin, mean, parallel_views, radiance, run_into, settings,
-    square_fov, start_pose, start_views,
+    square_fov, start_views,
 };
 
 const SIZE: [u32; 2] = [32, 32];
@@ -228,7 +228,7 @@ fn parts_are_written_where_they_are_asked_for() {
 #[test]
 fn equal_eyes_have_equal_parts() {
     let scene = builtin("cornell");
-    let views = parallel_views(start_pose(&scene), 0.0, square_fov(25.0));
+    let views = parallel_views(scene.start_pose(), 0.0, square_fov(25.0));
     for reuse in [Reuse::Scatter, Reuse::Lookup] {
         let renderer = rendered(&scene, &with(Method::Photon, reuse, 12, true), &views);
         let [left, right] = EYES.map(|eye| parts(&renderer, eye));

@@ -9,7 +9,7 @@ use stereolux::settings::{Method, RenderSettings, Reuse};
 use stereolux::xr::{Pose, View};
 
 use super::support::{
-    builtin, mean, method, parallel_views, radiance, renderer, square_fov, start_pose, statistics,
+    builtin, mean, method, parallel_views, radiance, renderer, square_fov, statistics,
 };
 
 const SHARES: u32 = 4;
@@ -26,7 +26,7 @@ fn settings(change: impl FnOnce(&mut RenderSettings)) -> RenderSettings {
 }
 
 fn views_from(offset: DVec3) -> [View; 2] {
-    let start = start_pose(&builtin("cornell"));
+    let start = builtin("cornell").start_pose();
     let head = Pose::new(start.position + offset, start.orientation);
     parallel_views(head, 0.063, square_fov(21.0))
 }

@@ -15,7 +15,7 @@ use super::hard_support::{
 };
 use super::lights_sampling::map_of;
 use super::support::{
-    builtin, images_of, parallel_views, renderer, settings, square_fov, start_pose, statistics,
+    builtin, images_of, parallel_views, renderer, settings, square_fov, statistics,
 };
 
 const SIZE: u32 = 64;
@@ -130,7 +130,7 @@ pub fn box_with(change: impl Fn(&mut Material)) -> (Scene, [View; 2]) {
     let mut scene = builtin("cornell");
     let others = scene.materials.iter_mut();
     others.filter(|m| !m.is_emissive()).for_each(change);
-    let views = parallel_views(start_pose(&scene), 0.0, square_fov(19.0));
+    let views = parallel_views(scene.start_pose(), 0.0, square_fov(19.0));
     (scene, views)
 }
 

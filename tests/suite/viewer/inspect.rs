@@ -233,7 +233,7 @@ fn depth_normals_steps_and_instances_of_a_plane_in_closed_form() {
         }
     }
     // Beside the plane: nothing but the root's boxes.
-    let mut away = start_pose(&scene);
+    let mut away = scene.start_pose();
     away.orientation = glam::DQuat::from_rotation_y(std::f64::consts::PI);
     play(
         &mut renderer,

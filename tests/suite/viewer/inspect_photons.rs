@@ -52,7 +52,7 @@ fn counts_are_the_hosts(
 ) -> u32 {
     let mut renderer = rendered(scene, settings, size, &views(scene, 20.0));
     // A head that has moved on: photons keep the space of the frame that traced them.
-    let mut head = start_pose(scene);
+    let mut head = scene.start_pose();
     head.position += DVec3::new(0.03, 0.02, -0.05);
     let views = parallel_views(head, 0.063, square_fov(20.0));
     play(&mut renderer, &views, 1..2);
@@ -368,7 +368,7 @@ fn motion_in_a_mirror_is_that_of_the_pass_while_the_head_walks() {
 fn motion_is_that_of_the_pass_and_needs_no_reconstruction() {
     let scene = builtin("gallery");
     let view = |step: f64| {
-        let mut head = start_pose(&scene);
+        let mut head = scene.start_pose();
         head.position += DVec3::new(0.02, -0.01, 0.015) * step;
         head.orientation *= DQuat::from_rotation_y(0.02 * step);
         parallel_views(head, 0.063, square_fov(40.0))

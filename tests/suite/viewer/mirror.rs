@@ -18,7 +18,7 @@ use super::textures::{bytes, target_texture};
 use super::virtual_screen::{Xvfb, ask_to_close, find_window, program_on};
 use crate::suite::support::{
     Folder, assert_begins, assert_says, bits, both, builtin, frame, method, parallel_views,
-    renderer, start_pose, stereolux, words,
+    renderer, stereolux, words,
 };
 
 const IMAGE: [u32; 2] = [32, 24];
@@ -43,7 +43,7 @@ fn the_window_holds_what_the_png_shows_left_and_right_about_its_middle() {
     let fov = Fov::from_degrees(-32.0, 28.0, 25.0, -20.0);
     frame(
         &mut renderer,
-        &parallel_views(start_pose(&scene), 0.07, fov),
+        &parallel_views(scene.start_pose(), 0.07, fov),
     );
     let library = ShaderLibrary::embedded();
     let images = both(&renderer).map(|eye| Image::new(IMAGE[0], IMAGE[1], eye).unwrap());

@@ -19,7 +19,7 @@ use stereolux::xr::{
 };
 
 use super::support::TemporaryFile;
-use crate::suite::support::{both_bits, builtin, context, hit_rays, settings, start_pose};
+use crate::suite::support::{both_bits, builtin, context, hit_rays, settings};
 
 const FRAMES: u64 = 4;
 
@@ -85,7 +85,7 @@ impl XrSession for Moving {
 
 fn moving(scene: &Scene) -> (Moving, Calls) {
     let headset = Headset::load("symmetric").unwrap();
-    let inner = SimulatedSession::new(headset, Motion::Walk, start_pose(scene), Some(FRAMES));
+    let inner = SimulatedSession::new(headset, Motion::Walk, scene.start_pose(), Some(FRAMES));
     let calls = Calls::default();
     let session = Moving {
         inner,
@@ -119,7 +119,7 @@ fn play(session: impl XrSession, scene: &Scene) -> Vec<Seen> {
 }
 
 fn replay(path: &Path, scene: &Scene) -> Vec<Seen> {
-    let options = ReplayOptions::new(Headset::load("symmetric").unwrap(), start_pose(scene));
+    let options = ReplayOptions::new(Headset::load("symmetric").unwrap(), scene.start_pose());
     play(ReplaySession::open(path, options).unwrap(), scene)
 }
 
@@ -140,7 +140,7 @@ fn a_replay_has_what_was_located_first_and_last() {
         assert_eq!(frame.views.views, moved(*views));
     }
     assert!(replay(&file.0, &scene) == recorded, "a replay differs");
-    let options = ReplayOptions::new(Headset::load("symmetric").unwrap(), start_pose(&scene));
+    let options = ReplayOptions::new(Headset::load("symmetric").unwrap(), scene.start_pose());
     let session = ReplaySession::open(&file.0, options).unwrap();
     play(
         Recorder::create(&again.0, Box::new(session)).unwrap(),
@@ -160,7 +160,7 @@ fn a_replay_has_what_was_located_first_and_last() {
     assert!(late_alone[0].0 != recorded[0].0 && late_alone[0].1 != recorded[0].1);
     // Views that stay where they are need no second place in a file.
     let headset = Headset::load("symmetric").unwrap();
-    let still = SimulatedSession::new(headset, Motion::Sway, start_pose(&scene), Some(2));
+    let still = SimulatedSession::new(headset, Motion::Sway, scene.start_pose(), Some(2));
     play(
         Recorder::create(&without.0, Box::new(still)).unwrap(),
         &scene,

@@ -11,7 +11,7 @@ use super::openxr_support::{
     Remote, RemoteEye, assert_status, drive, recorded_session, remote_port, replayed_images, stats,
     stereolux_on_monado,
 };
-use crate::suite::support::{Folder, builtin, start_pose};
+use crate::suite::support::{Folder, builtin};
 
 fn turned(axis: DVec3, angle: f64) -> [f32; 4] {
     let q = DQuat::from_axis_angle(axis.normalize(), angle).as_quat();
@@ -64,7 +64,7 @@ fn live_on_monado(args: &[String]) {
 #[test]
 fn scripted_poses_and_canted_asymmetric_eyes_arrive_and_replay() {
     let _port = remote_port();
-    let start = start_pose(&builtin("cornell"));
+    let start = builtin("cornell").start_pose();
     for space in ["local", "stage"] {
         let folder = Folder::new(&format!("openxr-remote-{space}"));
         let sent = drive(&folder.join("live"), scripted);

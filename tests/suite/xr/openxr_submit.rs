@@ -13,7 +13,7 @@ use stereolux::xr::{Headset, HiddenArea, RuntimeTargets, SessionInfo, View};
 use crate::suite::frame::layout::changed;
 use crate::suite::support::{
     Triangles, bits, both, both_bits, builtin, context, frame, hit_rays, method, parallel_views,
-    pixel_ray, radiance, renderer, renderer_by, start_pose,
+    pixel_ray, radiance, renderer, renderer_by,
 };
 use crate::suite::textures::{bytes, target_texture};
 use crate::suite::transport::hard_support::{add, constant_environment};
@@ -47,7 +47,7 @@ fn png_of(pixels: Vec<[f32; 3]>, tone: Tone) -> ImageRgb8 {
 
 /// Asymmetric and canted.
 fn views() -> [View; 2] {
-    let head = start_pose(&builtin("cornell"));
+    let head = builtin("cornell").start_pose();
     let mut views = parallel_views(head, 0.07, Fov::from_degrees(-32.0, 22.0, 25.0, -20.0));
     views[1].orientation = (views[1].orientation * glam::DQuat::from_rotation_y(0.05)).normalize();
     views[1].fov = Fov::from_degrees(-22.0, 32.0, 25.0, -20.0);
@@ -359,7 +359,7 @@ fn texels(renderer: &mut Renderer, views: &[View; 2], frame: u32) -> [Vec<[u8; 4
 fn under_the_sky() -> Scene {
     let mut scene = builtin("cornell");
     scene.environment = Some(constant_environment([0.5, 1.0, 2.0]));
-    let head = start_pose(&scene);
+    let head = scene.start_pose();
     // Splinters at places of the R3 sequence, between the eyes and the box.
     let splinters = (0..800).map(|k| {
         let place = DVec3::new(0.8192, 0.6711, 0.5497) * f64::from(k);
