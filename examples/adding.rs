@@ -136,8 +136,7 @@ pub fn ball(rings: u32, emission: f32) -> Scene {
     Scene {
         nodes: vec![Node {
             name: name(),
-            mesh: Some(0),
-            ..Node::default()
+            ..Node::of_mesh(0)
         }],
         roots: vec![0],
         meshes: vec![Mesh {

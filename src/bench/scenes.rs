@@ -313,9 +313,9 @@ fn indirect() -> Scene {
         yfov_rad: Some(1.1),
     });
     for index in 0..5 {
-        place(&mut scene, "room", DAffine3::IDENTITY, mesh_node(index));
+        place(&mut scene, "room", DAffine3::IDENTITY, Node::of_mesh(index));
     }
-    place(&mut scene, "block", block, mesh_node(5));
+    place(&mut scene, "block", block, Node::of_mesh(5));
     place(&mut scene, "viewpoint", eye, camera_node());
     scene
 }
@@ -328,13 +328,6 @@ fn place(scene: &mut Scene, name: &str, world_from_node: DAffine3, node: Node) {
         parent_from_node: world_from_node,
         ..node
     });
-}
-
-fn mesh_node(mesh: usize) -> Node {
-    Node {
-        mesh: Some(mesh),
-        ..Node::default()
-    }
 }
 
 /// With the scene's first camera.
@@ -367,8 +360,8 @@ impl Generated {
         scene.meshes.push(floor(self.floor_quads()));
         scene.meshes.push(walls());
         scene.meshes.push(cube());
-        place(&mut scene, "floor", DAffine3::IDENTITY, mesh_node(0));
-        place(&mut scene, "walls", DAffine3::IDENTITY, mesh_node(1));
+        place(&mut scene, "floor", DAffine3::IDENTITY, Node::of_mesh(0));
+        place(&mut scene, "walls", DAffine3::IDENTITY, Node::of_mesh(1));
         // A square grid of boxes over the middle of the floor; together they cover the same share of it, whatever their number.
         let side = f64::from(self.boxes).sqrt().ceil().max(1.0);
         let step = 2.4 / side;
@@ -382,7 +375,7 @@ impl Generated {
             );
             let edge = 0.5 * step;
             let from = DAffine3::from_translation(at) * DAffine3::from_scale(DVec3::splat(edge));
-            place(&mut scene, "box", from, mesh_node(2));
+            place(&mut scene, "box", from, Node::of_mesh(2));
         }
         let columns = f64::from(self.lights).sqrt().ceil().max(1.0);
         for index in 0..self.lights {

@@ -134,6 +134,15 @@ pub struct Node {
 }
 
 impl Node {
+    /// A node without a name that shows a mesh where its parent is.
+    #[must_use]
+    pub fn of_mesh(mesh: usize) -> Self {
+        Self {
+            mesh: Some(mesh),
+            ..Self::default()
+        }
+    }
+
     /// The local transform in parts: as given, else the matrix taken apart, which loses shear.
     pub fn trs(&self) -> Trs {
         self.exact_parts()

@@ -111,8 +111,7 @@ impl PanelSpec {
             name: self.name.clone(),
             nodes: vec![Node {
                 name: self.name.clone(),
-                mesh: Some(0),
-                ..Node::default()
+                ..Node::of_mesh(0)
             }],
             roots: vec![0],
             meshes: vec![mesh],

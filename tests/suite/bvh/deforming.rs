@@ -577,9 +577,8 @@ fn copies_in_textures_follow_what_moves() {
     scene.roots.push(scene.nodes.len());
     let before = DAffine3::from_translation(DVec3::new(0.0, 1.6, -1.6));
     scene.nodes.push(Node {
-        mesh: Some(0),
         parent_from_node: before * DAffine3::from_scale(DVec3::splat(0.2)),
-        ..Node::default()
+        ..Node::of_mesh(0)
     });
     let scene = scene;
     let lamp_node = node(&scene, "lamp");

@@ -16,8 +16,7 @@ use super::trace_probe::{Random, TraceProbe, soup, sphere};
 fn node(mesh: usize, parent_from_node: DAffine3) -> Node {
     Node {
         parent_from_node,
-        mesh: Some(mesh),
-        ..Node::default()
+        ..Node::of_mesh(mesh)
     }
 }
 

@@ -51,14 +51,10 @@ fn cap(radius_m: f64, material: u32) -> Mesh {
 }
 
 fn scene(first: Material, meshes: [Mesh; 2]) -> Scene {
-    let node = |mesh| Node {
-        mesh: Some(mesh),
-        ..Node::default()
-    };
     let mut scene = Scene {
         materials: vec![first, Material::lambert("wall", [0.5; 3])],
         meshes: meshes.into(),
-        nodes: vec![node(0), node(1)],
+        nodes: [0, 1].map(Node::of_mesh).into(),
         roots: vec![0, 1],
         ..Scene::default()
     };

@@ -559,13 +559,9 @@ fn board(colors: [[u8; 3]; 2]) -> Scene {
         let [r, g, b] = colors[(at % 24 + at / 24) % 2];
         [r, g, b, 255]
     });
-    let node = |mesh| Node {
-        mesh: Some(mesh),
-        ..Node::default()
-    };
     Scene {
         roots: vec![0, 1],
-        nodes: vec![node(0), node(1)],
+        nodes: [0, 1].map(Node::of_mesh).into(),
         meshes: vec![
             square(floor, [0.0, 1.0, 0.0], 0),
             square(lamp, [0.0, 0.0, 1.0], 1),
@@ -675,10 +671,7 @@ fn board_in_a_mirror(colors: [[u8; 3]; 2]) -> Scene {
         triangle.material = 2;
     }
     scene.meshes.push(mirror);
-    scene.nodes.push(Node {
-        mesh: Some(2),
-        ..Node::default()
-    });
+    scene.nodes.push(Node::of_mesh(2));
     scene.roots.push(2);
     scene.materials.push(Material {
         metallic: 1.0,

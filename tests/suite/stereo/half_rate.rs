@@ -295,10 +295,7 @@ fn gathered_highlights_on_textures_are_as_bright_as_they_were() {
             .meshes
             .push(Mesh::plain(corners.to_vec(), back.to_vec(), indices, 2));
         scene.roots.push(2);
-        scene.nodes.push(Node {
-            mesh: Some(2),
-            ..Node::default()
-        });
+        scene.nodes.push(Node::of_mesh(2));
         let image = |settings: &RenderSettings| {
             let renderer = renderer_by(library, &scene, settings, Eyes::Both, SIZE);
             let mut renderer = renderer.unwrap();

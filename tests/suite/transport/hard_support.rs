@@ -32,8 +32,7 @@ pub fn add(scene: &mut Scene, triangles: &[Triangle], material: Material) {
     scene.roots.push(scene.nodes.len());
     scene.nodes.push(Node {
         name: material.name.clone(),
-        mesh: Some(scene.meshes.len()),
-        ..Node::default()
+        ..Node::of_mesh(scene.meshes.len())
     });
     let mesh = mesh(triangles, scene.materials.len() as u32);
     scene.meshes.push(mesh);

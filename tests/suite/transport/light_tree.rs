@@ -51,9 +51,8 @@ fn scene(has_sun: bool) -> Scene {
     let corner = DVec3::new(-0.03, 0.0, -0.03);
     let lamp = mesh(&quad(corner, 0.06 * DVec3::X, 0.06 * DVec3::Z), 0);
     let lamps = (0..ROWS * ROWS).map(|lamp| Node {
-        mesh: Some(0),
         parent_from_node: at(lamp_place(lamp)),
-        ..Node::default()
+        ..Node::of_mesh(0)
     });
     let point = |light: usize| Node {
         light: Some(0),

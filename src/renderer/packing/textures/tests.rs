@@ -23,10 +23,7 @@ fn textured_scene() -> Scene {
         filter: Filter::Linear,
     };
     Scene {
-        nodes: vec![Node {
-            mesh: Some(0),
-            ..Node::default()
-        }],
+        nodes: vec![Node::of_mesh(0)],
         roots: vec![0],
         meshes: vec![Mesh {
             positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
