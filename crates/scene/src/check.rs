@@ -1,6 +1,6 @@
 //! Whether a scene holds together. What a file says is checked as it is read; a scene made in code may name what is not there.
 
-use super::{Image, Material, Mesh, Node, Scene, SceneError, Skin};
+use super::{Environment, Image, Material, Mesh, Node, Scene, SceneError, Skin};
 
 /// What is wrong, in words that follow what it is wrong with.
 type Checked = Result<(), String>;
@@ -34,7 +34,9 @@ impl Scene {
         each("images", &self.images, |_, image| check_image(image))?;
         each("lights", &self.lights, |_, light| {
             check_light("has an intensity of", light.intensity)
-        })
+        })?;
+        let environment = self.environment.as_ref();
+        environment.map_or(Ok(()), Environment::check)
     }
 
     fn check_graph(&self) -> Checked {

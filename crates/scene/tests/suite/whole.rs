@@ -1,6 +1,8 @@
 //! Scenes made in code: what does not hold together is said, with its list and number.
 
-use stereolux_scene::{Image, LightKind, Material, PunctualLight, Scene, Texture, TextureRef};
+use stereolux_scene::{
+    Environment, Image, LightKind, Material, PunctualLight, Scene, Texture, TextureRef,
+};
 
 #[test]
 fn scenes_of_all_kinds_hold_together() {
@@ -20,7 +22,7 @@ fn scenes_of_all_kinds_hold_together() {
 #[test]
 fn every_fault_names_its_list_and_number() {
     type Fault = fn(&mut Scene);
-    let faults: [(&str, Fault); 15] = [
+    let faults: [(&str, Fault); 16] = [
         ("roots name node 99", |s| s.roots.push(99)),
         ("roots name node 1, which has a parent", |s| {
             s.nodes[1].parent = Some(0)
@@ -76,6 +78,14 @@ fn every_fault_names_its_list_and_number() {
                 name: "odd".to_owned(),
                 kind: LightKind::Point,
                 intensity: [f32::NAN, 0.0, 0.0],
+            });
+        }),
+        ("cut sky: 3 texels are not 2 x 2", |s| {
+            s.environment = Some(Environment {
+                name: "cut sky".to_owned(),
+                width: 2,
+                height: 2,
+                radiance: vec![[1.0; 3]; 3],
             });
         }),
     ];
