@@ -1,15 +1,18 @@
 //! Stereo reuse against closed forms and f64 arithmetic: nothing here has a tolerance that hides a wrong pixel.
 
 use glam::{DAffine3, DQuat, DVec3};
+use stereolux::gpu::ShaderLibrary;
 use stereolux::renderer::{Eye, Provenance, Renderer};
 use stereolux::scene::{Material, Scene};
-use stereolux::settings::{Method, RenderSettings, Reuse};
+use stereolux::settings::{Eyes, Method, RenderSettings, Reuse};
 use stereolux::xr::{Fov, Headset, Pose, View};
 
 use crate::suite::embedded_scenes::plane;
+use crate::suite::frame::layout::changed;
 use crate::suite::support::{
     Triangles, bits, both, both_bits, builtin, frame, hit_in_world, hit_rays, method,
-    parallel_views, pixel_ray, placed, radiance, rendered, renderer, square_fov, start_views,
+    parallel_views, pixel_ray, placed, radiance, rendered, renderer, renderer_by, square_fov,
+    start_views,
 };
 use crate::suite::transport::hard_support::{add, add_point_light, quad, square_ahead};
 
@@ -354,6 +357,34 @@ fn filled_pixels_are_those_of_a_native_rendering_and_the_sums_agree() {
             assert!(traced < 2 * (s.reused + s.filled) / 3, "{what}: {s:?}");
         }
     }
+}
+
+/// A lamp that lies a millimetre below the ceiling, far less than a pixel's width, is seen by scatter as by the eye itself, also
+/// where no left hit came to the pixels that show it beside a winner on the ceiling: 64 samples a pixel leave holes in plenty.
+#[test]
+fn a_lamp_close_below_the_ceiling_is_whole() {
+    let scene = builtin("cornell");
+    let seen = |library: &ShaderLibrary, reuse, ipd_m| {
+        let mut settings = method(Method::Path, reuse);
+        settings.spp = 64;
+        // What shines, without noise.
+        settings.path.max_depth = 1;
+        let views = parallel_views(scene.start_pose(), ipd_m, square_fov(19.65));
+        let mut renderer = renderer_by(library, &scene, &settings, Eyes::Both, [48, 48]).unwrap();
+        frame(&mut renderer, &views);
+        bits(&radiance(&renderer, Eye::Right))
+    };
+    let embedded = ShaderLibrary::embedded();
+    // The negative control: neighbours without a winner say nothing.
+    let beside = "return pixel_beside(own, k);";
+    let blind = changed("shared/cached_hit", beside, "return INVALID;");
+    let mut lost = 0;
+    for ipd_m in [0.063, 0.5] {
+        let alone = seen(&embedded, Reuse::Off, ipd_m);
+        assert!(alone == seen(&embedded, Reuse::Scatter, ipd_m), "{ipd_m} m");
+        lost += usize::from(alone != seen(&blind, Reuse::Scatter, ipd_m));
+    }
+    assert!(lost > 0);
 }
 
 /// Whether all light that the surface sends to an eye comes over a lobe that eye paths follow: all glass, and metal that is
