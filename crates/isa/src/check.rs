@@ -65,12 +65,6 @@ const EXCEPTIONS: &[Exception] = &[
         reason: "a surface's materials and a ray are alive at once",
         kernels: WIDE_KERNELS,
     },
-    Exception {
-        cards: &[Family::Rdna3],
-        limit: Limit::Waves,
-        reason: "what shows in an image, what it is divided by and a ray are alive at once",
-        kernels: &[["gallery", "motion"]],
-    },
 ];
 
 const WIDE_KERNELS: &[[&str; 2]] = &[
@@ -79,7 +73,6 @@ const WIDE_KERNELS: &[[&str; 2]] = &[
     ["gallery", "followed_light"],
     ["helmet", "eye_hits"],
     ["helmet", "direct_light"],
-    ["helmet", "motion"],
 ];
 
 /// Least waves: eight hide memory; path tracing holds a path's state beside the ray's, which costs two. RDNA 2 has two thirds
