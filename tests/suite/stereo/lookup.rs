@@ -536,28 +536,39 @@ fn varnish(albedo: f64, alpha: f64, normal: DVec3, to_eye: DVec3, to_light: DVec
     albedo / PI * (1.0 - fresnel) + fresnel * distribution * visibility
 }
 
+/// The plane under varnish.
+fn varnished_plane(roughness: f32) -> Scene {
+    let mut scene = builtin("plane");
+    for material in &mut scene.materials {
+        material.specular = 1.0;
+        material.roughness = roughness;
+    }
+    scene
+}
+
+/// Radiance towards `eye` from where the ray of `view` through a pixel meets the varnished plane.
+fn radiance_of_varnish(view: &View, pixel: usize, size: u32, eye: &View, roughness: f32) -> f64 {
+    let ray = pixel_ray(view, pixel, [size, size]);
+    let point = ray.origin - ray.direction * (plane::DISTANCE_M / ray.direction.z);
+    let light = DVec3::from_array(plane::LIGHT_POSITION);
+    let (to_eye, to_light) = (eye.position_in_world - point, light - point);
+    let (square_m2, to_light) = (to_light.length_squared(), to_light.normalize());
+    let irradiance = f64::from(plane::LIGHT_INTENSITY) * to_light.z / square_m2;
+    let (albedo, alpha) = (f64::from(plane::ALBEDO), f64::from(roughness).powi(2));
+    irradiance * varnish(albedo, alpha, DVec3::Z, to_eye.normalize(), to_light)
+}
+
 #[test]
 fn a_highlight_stands_where_the_right_eye_sees_it_and_as_bright() {
     const SIZE: u32 = 96;
     const ROUGHNESS: f32 = 0.4;
-    let mut scene = builtin("plane");
-    for material in &mut scene.materials {
-        material.specular = 1.0;
-        material.roughness = ROUGHNESS;
-    }
+    let scene = varnished_plane(ROUGHNESS);
     // Eyes far apart, so that the highlights are: each stands where the mirrored lamp does, 0.1 m from the other's.
     let views = parallel_views(Pose::IDENTITY, 0.2, square_fov(30.0));
-    let alpha = f64::from(ROUGHNESS).powi(2);
-    let light = DVec3::from_array(plane::LIGHT_POSITION);
     // Towards eye `to`, what the eye's ray through the pixel meets.
     let expected = |to: usize, x: u32, y: u32| {
-        let ray = pixel_ray(&views[1], (y * SIZE + x) as usize, [SIZE, SIZE]);
-        let point = ray.origin - ray.direction * (plane::DISTANCE_M / ray.direction.z);
-        let (to_eye, to_light) = (views[to].position_in_world - point, light - point);
-        let (square_m2, to_light) = (to_light.length_squared(), to_light.normalize());
-        let irradiance = f64::from(plane::LIGHT_INTENSITY) * to_light.z / square_m2;
-        let albedo = f64::from(plane::ALBEDO);
-        irradiance * varnish(albedo, alpha, DVec3::Z, to_eye.normalize(), to_light)
+        let pixel = (y * SIZE + x) as usize;
+        radiance_of_varnish(&views[1], pixel, SIZE, &views[to], ROUGHNESS)
     };
     for (by, reuse) in [
         (Method::Photon, Reuse::Scatter),
@@ -599,5 +610,60 @@ fn a_highlight_stands_where_the_right_eye_sees_it_and_as_bright() {
         assert!(worst < 0.01, "{what}: off by {worst}");
         // Negative control: what the left eye sees at the same points.
         assert!(worst_of_left > 0.1, "{what}: {worst_of_left}");
+    }
+}
+
+/// Eye paths follow a narrow varnish by chance, a twentieth of them here. Light samples are for all lobes, whichever a path
+/// takes, so that one light and one surface leave nothing to chance: every pixel of every frame is the closed form.
+#[test]
+fn a_narrow_highlight_is_as_bright_whichever_lobe_a_path_takes() {
+    const SIZE: u32 = 64;
+    const HALF_FOV_DEG: f64 = 1.5;
+    // The lamp's mirror image lies straight ahead.
+    let mut head = Pose::IDENTITY;
+    head.position.y = plane::LIGHT_POSITION[1];
+    let views = parallel_views(head, 0.063, square_fov(HALF_FOV_DEG));
+    let pixel_m = 2.0 * plane::DISTANCE_M * HALF_FOV_DEG.to_radians().tan() / f64::from(SIZE);
+    // Half vectors turn by half of what the ways to eye and light do.
+    let turn_per_m = 0.5 * (1.0 / plane::DISTANCE_M + 1.0 / 1.5);
+    let embedded = ShaderLibrary::embedded();
+    let asks = "return bsdf_has_nondelta(followed_part(b, limit)) &&";
+    let by_lobe = changed("shared/whole_light", asks, "return false &&");
+    let worst = |library: &ShaderLibrary, reuse, roughness| {
+        let scene = varnished_plane(roughness);
+        let settings = method(Method::Photon, reuse);
+        let mut renderer =
+            renderer_by(library, &scene, &settings, Eyes::Both, [SIZE, SIZE]).unwrap();
+        frame(&mut renderer, &views);
+        let worst_of = |eye: Eye| {
+            let view = &views[eye as usize];
+            let found = radiance(&renderer, eye);
+            let off = found.iter().enumerate().map(|(pixel, found)| {
+                let truth = radiance_of_varnish(view, pixel, SIZE, view, roughness);
+                (f64::from(found[0]) / truth - 1.0).abs()
+            });
+            off.fold(0.0, f64::max)
+        };
+        Eye::ALL.map(worst_of)
+    };
+    // Between the eyes the first lobe turns by less than its width, so that the left eye's samples serve the right one's;
+    // the second by more.
+    for roughness in [0.15, 0.1] {
+        let alpha = f64::from(roughness).powi(2);
+        // The distribution is (1 + u^2)^-2 of the half vector's angle over alpha, to second order: rounding of its f32
+        // cosine, some 2^-24 each in both vectors and normalising, comes to that over alpha^2, twice.
+        let rounding = 8.0 * f64::from(f32::EPSILON) / (alpha * alpha);
+        // Light's directions are those at samples at most a pixel away, about which that is linear to first order. Second
+        // order: h^2 / 8 times second derivatives of at most 4 each way.
+        let between_samples = (pixel_m * turn_per_m / alpha).powi(2);
+        for reuse in [Reuse::Off, Reuse::Scatter, Reuse::Lookup] {
+            let [left, right] = worst(&embedded, reuse, roughness);
+            eprintln!("roughness {roughness}, {reuse:?}: off by {left} and {right}; {rounding} {between_samples}");
+            assert!(left < rounding, "{roughness} {reuse:?}: {left}");
+            assert!(right < rounding + between_samples, "{roughness} {reuse:?}: {right}");
+        }
+        // The negative control: each part asks for itself alone.
+        let [left, right] = worst(&by_lobe, Reuse::Lookup, roughness);
+        assert!(left > 0.5 && right > 0.5, "{roughness}: {left} {right}");
     }
 }
