@@ -72,7 +72,6 @@ const WIDE_KERNELS: &[[&str; 2]] = &[
     ["gallery", "direct_light"],
     ["gallery", "followed_light"],
     ["helmet", "eye_hits"],
-    ["helmet", "direct_light"],
 ];
 
 /// Least waves: eight hide memory; path tracing holds a path's state beside the ray's, which costs two. RDNA 2 has two thirds
