@@ -4,8 +4,10 @@ use std::io::Write as _;
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::thread::JoinHandle;
+use std::time::Duration;
 
 use crate::suite::support::{Folder, exrs, lines, words};
 pub use crate::suite::support::{interrupt, stats, stderr, wait_until};
@@ -159,35 +161,55 @@ pub fn remote_port() -> MutexGuard<'static, ()> {
     PORT.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Sends what `script` says for each frame number (counted by `out`'s statistics) until the service goes away.
-pub fn drive(
-    out: &Path,
-    script: impl Fn(usize) -> Remote + Send + 'static,
-) -> Arc<Mutex<Vec<Remote>>> {
+/// A wearer that [`drive`] started; leaves when dropped.
+pub struct Driver {
+    sent: Arc<Mutex<Vec<Remote>>>,
+    leaves: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Driver {
+    /// What was sent so far.
+    pub fn sent(&self) -> Vec<Remote> {
+        self.sent.lock().unwrap().clone()
+    }
+}
+
+impl Drop for Driver {
+    fn drop(&mut self) {
+        self.leaves.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // One that failed has said so.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Sends what `script` says for each frame number (counted by `out`'s statistics), to one service after the other: one
+/// that crashed is started again ([`output_on_monado`]), and the last test's may still be on its way out.
+pub fn drive(out: &Path, script: impl Fn(usize) -> Remote + Send + 'static) -> Driver {
     let sent = Arc::new(Mutex::new(Vec::new()));
-    let log = Arc::clone(&sent);
-    let out = out.to_owned();
-    std::thread::spawn(move || {
-        let began = Instant::now();
-        let mut stream = loop {
-            match TcpStream::connect(("127.0.0.1", 4242)) {
-                Ok(stream) => break stream,
-                Err(_) if began.elapsed() < Duration::from_secs(120) => {
-                    std::thread::sleep(Duration::from_millis(50));
-                }
-                Err(_) => return,
-            }
-        };
-        loop {
+    let leaves = Arc::new(AtomicBool::new(false));
+    let (log, done, out) = (Arc::clone(&sent), Arc::clone(&leaves), out.to_owned());
+    let thread = std::thread::spawn(move || {
+        let mut service = None;
+        while !done.load(Ordering::Relaxed) {
             let remote = script(frames_so_far(&out));
-            if stream.write_all(&remote.packet()).is_err() {
-                return;
+            let stream = service
+                .take()
+                .or_else(|| TcpStream::connect(("127.0.0.1", 4242)).ok());
+            service = stream.filter(|mut stream| stream.write_all(&remote.packet()).is_ok());
+            if service.is_some() {
+                log.lock().unwrap().push(remote);
             }
-            log.lock().unwrap().push(remote);
             std::thread::sleep(Duration::from_millis(10));
         }
     });
-    sent
+    Driver {
+        sent,
+        leaves,
+        thread: Some(thread),
+    }
 }
 
 /// What a headset session leaves to its own defaults, as a replay of it must have it.
