@@ -269,7 +269,7 @@ fn an_applications_bindings_are_suggested_and_the_programs_own_dropped() {
 fn actions_come_from_monados_controllers_and_are_recorded() {
     let _port = remote_port();
     let folder = Folder::new("actions-monado");
-    let _wearer = drive(&folder.join("out"), |frame| Remote {
+    let _sent = drive(&folder.join("out"), |frame| Remote {
         sticks: [[0.0, 1.0], [0.0; 2]],
         a: (10..20).contains(&frame),
         ..scripted(0)

@@ -67,7 +67,7 @@ fn scripted_poses_and_canted_asymmetric_eyes_arrive_and_replay() {
     let start = builtin("cornell").start_pose();
     for space in ["local", "stage"] {
         let folder = Folder::new(&format!("openxr-remote-{space}"));
-        let wearer = drive(&folder.join("live"), scripted);
+        let sent = drive(&folder.join("live"), scripted);
         let common = ["--size", "40x32", "--photons", "1000", "--every", "5"];
         let space_setting = format!("openxr.space={space}");
         let (p, q) = (start.position, start.orientation);
@@ -87,8 +87,9 @@ fn scripted_poses_and_canted_asymmetric_eyes_arrive_and_replay() {
             start.position - DVec3::Y * 1.6,
             DQuat::from_rotation_y(start.heading_rad()),
         );
+        let sent = sent.lock().unwrap();
         let mut expected: Vec<[Pose; 2]> = Vec::new();
-        for remote in wearer.sent() {
+        for remote in sent.iter() {
             let head = world_from_floor.then(&pose(remote.head_orientation, remote.head_position));
             let eye = |eye: RemoteEye| head.then(&pose(eye.orientation, eye.position));
             let eyes = remote.eyes.map(eye);
@@ -137,7 +138,7 @@ fn the_wearer_walks_turns_switches_reuse_and_quits() {
     let folder = Folder::new("openxr-controls");
     let live = folder.join("live");
     // Still until frame 20; ahead until 40; one snap to the right; reuse off from about 60; quit at 80.
-    let _wearer = drive(&live, |frame| Remote {
+    let _sent = drive(&live, |frame| Remote {
         head_orientation: [0.0, 0.0, 0.0, 1.0],
         head_position: [0.0, 1.6, 0.0],
         sticks: [

@@ -4,9 +4,7 @@ use std::io::Write as _;
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use crate::suite::support::{Folder, exrs, lines, words};
@@ -161,39 +159,19 @@ pub fn remote_port() -> MutexGuard<'static, ()> {
     PORT.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A wearer that [`drive`] started; leaves when dropped.
-pub struct Driver {
-    sent: Arc<Mutex<Vec<Remote>>>,
-    leaves: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Driver {
-    /// What was sent so far.
-    pub fn sent(&self) -> Vec<Remote> {
-        self.sent.lock().unwrap().clone()
-    }
-}
-
-impl Drop for Driver {
-    fn drop(&mut self) {
-        self.leaves.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // One that failed has said so.
-            let _ = thread.join();
-        }
-    }
-}
-
 /// Sends what `script` says for each frame number (counted by `out`'s statistics), to one service after the other: one
-/// that crashed is started again ([`output_on_monado`]), and the last test's may still be on its way out.
-pub fn drive(out: &Path, script: impl Fn(usize) -> Remote + Send + 'static) -> Driver {
+/// that crashed is started again ([`output_on_monado`]), and the last test's may still be on its way out. Ends when what is
+/// returned, all that was sent, is dropped.
+pub fn drive(
+    out: &Path,
+    script: impl Fn(usize) -> Remote + Send + 'static,
+) -> Arc<Mutex<Vec<Remote>>> {
     let sent = Arc::new(Mutex::new(Vec::new()));
-    let leaves = Arc::new(AtomicBool::new(false));
-    let (log, done, out) = (Arc::clone(&sent), Arc::clone(&leaves), out.to_owned());
-    let thread = std::thread::spawn(move || {
+    let log = Arc::downgrade(&sent);
+    let out = out.to_owned();
+    std::thread::spawn(move || {
         let mut service = None;
-        while !done.load(Ordering::Relaxed) {
+        while let Some(log) = log.upgrade() {
             let remote = script(frames_so_far(&out));
             let stream = service
                 .take()
@@ -205,11 +183,7 @@ pub fn drive(out: &Path, script: impl Fn(usize) -> Remote + Send + 'static) -> D
             std::thread::sleep(Duration::from_millis(10));
         }
     });
-    Driver {
-        sent,
-        leaves,
-        thread: Some(thread),
-    }
+    sent
 }
 
 /// What a headset session leaves to its own defaults, as a replay of it must have it.
